@@ -38,7 +38,7 @@ async function follow(pressed, see) {
   const again = current?.pressed === pressed;
   stopFollowing();
   if (again) return undefined;
-  const attempt = current = { pressed, begun: false };
+  const attempt = current = { pressed, begun: false, next: null, wait: 0 };
   try {
     if (!navigator.mediaDevices) throw new Error("browsers give it to this machine's pages only");
     const opened = await navigator.mediaDevices.getUserMedia(
@@ -67,17 +67,27 @@ function stopTracks(opened) {
   for (const track of opened?.getTracks() ?? []) track.stop();
 }
 
-// What the program sees in the camera's image; nothing without a face, or if it came too late.
-async function seen(attempt, path, width, line, mirrored = false) {
+async function imageOfCamera(width, mirrored) {
   canvas.width = width;
   canvas.height = Math.round(width * video.videoHeight / video.videoWidth) || 3 * width / 4;
   const context = canvas.getContext("2d");
   if (mirrored) context.setTransform(-1, 0, 0, 1, width, 0);
   context.drawImage(video, 0, 0, canvas.width, canvas.height);
   const taken = performance.now();
-  const image = await new Promise((done) => canvas.toBlob(done, "image/jpeg", 0.8));
-  const sight = await (await post(path, image)).json();
+  return { taken, image: await new Promise((done) => canvas.toBlob(done, "image/jpeg", 0.8)) };
+}
+
+// What the program sees in the camera's image; nothing without a face, or if it came too late.
+// The next image is made while the program looks at this one, so that neither waits.
+async function seen(attempt, path, width, line, mirrored = false) {
+  const { taken, image } = await (attempt.next ?? imageOfCamera(width, mirrored));
+  const posted = performance.now();
+  const answer = post(path, image);
+  attempt.next = new Promise((done) => setTimeout(done, 0.7 * attempt.wait))
+    .then(() => imageOfCamera(width, mirrored));
+  const sight = await (await answer).json();
   if (current !== attempt) return null;
+  attempt.wait = performance.now() - posted;
   head.milliseconds = performance.now() - taken;
   if (sight.found) return sight;
   line.textContent = "No face is seen.";
