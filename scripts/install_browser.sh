@@ -10,5 +10,5 @@ for command in chromium node npm; do
 done
 "$(dirname "${BASH_SOURCE[0]}")/install_packages.sh" "${missing[@]}"
 mkdir -p "$folder"
-[[ -d $folder/node_modules/three ]] || timeout 120 npm install --no-audit --no-fund \
+[[ -d $folder/node_modules/three ]] || timeout 300 npm install --no-audit --no-fund \
     --prefix "$folder" playwright-core gltf-validator three

@@ -20,11 +20,13 @@ done
 
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 scripts/install_packages.sh
+if [[ -n "$browser" ]]; then  # while the build has the processors
+    export STYMO_PLAYWRIGHT=$PWD/build/browser/node_modules
+    scripts/install_browser.sh build/browser &
+    browser=$!
+fi
 cmake --preset release
 cmake --build --preset release
-if [[ -n "$browser" ]]; then
-    export STYMO_PLAYWRIGHT=$PWD/build/browser/node_modules
-    scripts/install_browser.sh build/browser ||
-        echo "The test of the viewer in Chromium is skipped: it cannot be installed here."
-fi
+[[ -z "$browser" ]] || wait "$browser" ||
+    echo "The test of the viewer in Chromium is skipped: it cannot be installed here."
 ctest --preset release "${selection[@]}"
