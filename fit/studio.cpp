@@ -18,12 +18,12 @@ namespace stymo {
 
 namespace {
 
-Model load(std::filesystem::path file, const std::filesystem::path& configs) {
+std::filesystem::path model_file(std::filesystem::path file, const std::filesystem::path& configs) {
     if (file.empty()) file = shipped_model(configs);
     if (file.empty())
         fail<FileError>("the model that comes with stymo was not found",
                         configs.empty() ? "" : " in " + configs.string(), "; name a model's file");
-    return Model::load(file);
+    return file;
 }
 
 bool same(const RendererOptions& a, const RendererOptions& b) {
@@ -36,6 +36,7 @@ bool same(const RendererOptions& a, const RendererOptions& b) {
 
 struct Studio::State {
     Model model;
+    std::string mark;
     std::filesystem::path configs;
 
     std::mutex rendering{};
@@ -64,7 +65,8 @@ struct Studio::State {
         FittedFaces done = job.fit(job.batch_of({&photo, 1}), observer);
         const FitReport report = job.report(done, 0, done.faces.mask, nullptr);
         StudioFace result{.face = {.codes = detached(done.fit.fitted),
-                                   .pose = pose_from_camera(done.fit.cameras.front())},
+                                   .pose = pose_from_camera(done.fit.cameras.front()),
+                                   .model = mark},
                           .photo = photo,
                           .psnr = report.fitted_metrics.psnr,
                           .warnings = std::move(done.warnings)};
@@ -80,7 +82,11 @@ struct Studio::State {
 };
 
 Studio::Studio(std::filesystem::path model, std::filesystem::path configs)
-    : state_(new State{.model = load(std::move(model), configs), .configs = configs}) {}
+    : state_([&] {
+          const std::filesystem::path file = model_file(std::move(model), configs);
+          return new State{
+              .model = Model::load(file), .mark = model_mark(file), .configs = configs};
+      }()) {}
 Studio::~Studio() = default;
 Studio::Studio(Studio&&) noexcept = default;
 Studio& Studio::operator=(Studio&&) noexcept = default;
@@ -160,12 +166,13 @@ StudioFace Studio::sample(std::uint64_t seed, std::uint64_t index, double trunca
     if (!statistics) fail<ValueError>("the model has no statistics of codes to draw faces from");
     Rng rng = Rng(seed).split("new faces").split(index);
     return {.face = {.codes = statistics->sample(rng, truncation),
-                     .pose = frontal_pose(state_->model.config().camera)}};
+                     .pose = frontal_pose(state_->model.config().camera),
+                     .model = state_->mark}};
 }
 
 StudioFace Studio::read(const std::filesystem::path& codes,
                         const std::filesystem::path& tuned) const {
-    StudioFace result{.face = read_code_file(codes)};
+    StudioFace result{.face = read_code_file(codes, state_->mark)};
     if (tuned.empty()) return result;
     WeightChanges changes = WeightChanges::load(tuned);
     try {
@@ -200,7 +207,7 @@ void write(const StudioFace& face, const std::filesystem::path& codes,
         if (!face.changes) fail<ValueError>("the face is not tuned; leave out ", tuned.string());
         face.changes->save(tuned);
     }
-    write_code_file(codes, face.face.codes, 0, face.face.pose);
+    write_code_file(codes, face.face.codes, 0, face.face.pose, face.face.model);
 }
 
 }  // namespace stymo

@@ -78,6 +78,7 @@ public:
     [[nodiscard]] StudioFace sample(std::uint64_t seed, std::uint64_t index = 0,
                                     double truncation = 0.7) const;
     /// Reads what stymo-fit writes: codes.json and, unless the path is empty, tuned.safetensors.
+    /// Throws FileError for codes that are marked as another model's.
     [[nodiscard]] StudioFace read(const std::filesystem::path& codes,
                                   const std::filesystem::path& tuned = {}) const;
 

@@ -59,17 +59,11 @@ Model load_model(const ModelOptions& options, ModelParts parts) {
 }
 
 std::string model_mark(const ModelOptions& options) {
-    std::ostringstream text;
-    text << std::hex << crc32c(read_file(model_file(options)));
-    return text.str();
+    return model_mark(model_file(options));
 }
 
 CodeFile read_own_codes(const std::filesystem::path& file, const ModelOptions& options) {
-    CodeFile codes = read_code_file(file);
-    if (!codes.model.empty() && codes.model != model_mark(options))
-        fail<FileError>(file.string(),
-                        ": holds codes of another model; name that one with --model");
-    return codes;
+    return read_code_file(file, model_mark(options));
 }
 
 void declare_head(Command& command, std::filesystem::path& file, const std::string& purpose,

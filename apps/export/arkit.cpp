@@ -98,7 +98,7 @@ AppResult to_codes(const ArkitOptions& options, const ArkitConversion& conversio
         }
         face.codes.groups[1] =
             Variable(Tensor::from({1, std::ssize(code)}, std::span<const float>(code)));
-        text += code_file_text(face.codes, 0, face.pose);
+        text += code_file_text(face.codes, 0, face.pose, face.model);
     }
     write_file(options.out, text, Durability::none);
     return {

@@ -176,12 +176,12 @@ void write_glb(const std::filesystem::path& path, const FaceMesh& face) {
     write_file(path, bytes.str(), Durability::none);
 }
 
-/// Wavefront OBJ, beside it a .mtl and a .png file of the same stem. Returns the three paths.
+/// Wavefront OBJ, beside it STEM.mtl and STEM_texture.png. Returns the three paths.
 std::vector<std::filesystem::path> write_obj(const std::filesystem::path& path,
                                              const TexturedMesh& mesh) {
     std::filesystem::path material = path, texture = path;
     material.replace_extension(".mtl");
-    texture.replace_extension(".png");
+    texture.replace_filename(path.stem().string() + "_texture.png");
     std::ostringstream text;
     text << "mtllib " << material.filename().string() << "\n";
     const Eigen::IOFormat format(9, Eigen::DontAlignCols, " ", "\n");
@@ -303,7 +303,7 @@ void declare_mesh(CommandLine& line) {
     command.option("--codes", options->codes, "codes.json of a fit").required();
     command
         .option("--out", options->out,
-                ".glb; .obj, with a .mtl and a .png file beside it; or .ply, with colours "
+                ".glb; .obj, with X.mtl and X_texture.png beside it; or .ply, with colours "
                 "instead of a texture")
         .required();
     declare_head(command, options->morphable, "whose topology the mesh has");

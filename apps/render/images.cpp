@@ -231,13 +231,14 @@ WrittenImages write_new_faces(const RenderOptions& options, const Model& model, 
              pose});
     }
     list.columns = static_cast<int>(std::ceil(std::sqrt(static_cast<double>(options.sample))));
+    const std::string mark = model_mark(options.model);
     FolderInProgress folder(options.out);
     WrittenImages result =
         write_images(folder.path() / "faces.png", options, model, list, explainer);
     std::vector<std::filesystem::path>& written = result.files;
     for (std::size_t i = 0; i < list.shots.size(); ++i) {
         written.push_back(folder.path() / (numbered(i) + ".json"));
-        write_code_file(written.back(), list.shots[i].codes, 0, pose);
+        write_code_file(written.back(), list.shots[i].codes, 0, pose, mark);
     }
     folder.finish();
     for (std::filesystem::path& path : written) path = options.out / path.filename();

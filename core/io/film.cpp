@@ -109,8 +109,9 @@ std::int64_t FilmReader::stated_frames() const {
 
 std::optional<Tensor> FilmReader::next() {
     cv::Mat frame;
-    if (!state_->grab() || !state_->film.retrieve(frame) || frame.type() != CV_8UC3)
-        return std::nullopt;
+    if (!state_->grab()) return std::nullopt;
+    if (!state_->film.retrieve(frame) || frame.type() != CV_8UC3)
+        fail<FileError>(state_->path.string(), ": frame ", state_->read, " cannot be decoded");
     return tensor_of(frame, state_->most_side);
 }
 

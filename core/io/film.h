@@ -22,7 +22,7 @@ public:
     /// As the file says, which may be wrong; 0 if it does not.
     [[nodiscard]] std::int64_t stated_frames() const;
     /// The next frame (height, width, 3) in [0, 1], upright; nothing at the end. Throws FileError
-    /// if the film ends long before its stated end, because it was cut off.
+    /// if it cannot be decoded, or the film was cut off: it ends long before its stated end.
     [[nodiscard]] std::optional<Tensor> next();
     /// Passes over the next frame without converting it; false at the end. Throws like `next`.
     [[nodiscard]] bool skip();

@@ -2,8 +2,10 @@
 
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "core/error.h"
+#include "core/io/checksum.h"
 #include "core/io/file.h"
 #include "core/io/json_check.h"
 #include "core/io/json_writer.h"
@@ -91,6 +93,19 @@ CodeFile parse_code_file(const std::string& text, const std::string& source) {
     return result;
 }
 
+std::string model_mark(const std::filesystem::path& model) {
+    std::ostringstream text;
+    text << std::hex << crc32c(read_file(model));
+    return text.str();
+}
+
+CodeFile read_code_file(const std::filesystem::path& path, const std::string& mark) {
+    CodeFile codes = read_code_file(path);
+    if (!codes.model.empty() && codes.model != mark)
+        fail<FileError>(path.string(), ": holds codes of another model; name that one");
+    return codes;
+}
+
 JsonValue code_file_json(const Codes& codes, std::int64_t index, const Pose& pose,
                          const std::string& model) {
     JsonValue code = JsonValue::object();
@@ -101,13 +116,14 @@ JsonValue code_file_json(const Codes& codes, std::int64_t index, const Pose& pos
     return json;
 }
 
-std::string code_file_text(const Codes& codes, std::int64_t index, const Pose& pose) {
-    return code_file_json(codes, index, pose).text() + "\n";
+std::string code_file_text(const Codes& codes, std::int64_t index, const Pose& pose,
+                           const std::string& model) {
+    return code_file_json(codes, index, pose, model).text() + "\n";
 }
 
 void write_code_file(const std::filesystem::path& path, const Codes& codes, std::int64_t index,
                      const Pose& pose, const std::string& model) {
-    write_file(path, code_file_json(codes, index, pose, model).text() + "\n");
+    write_file(path, code_file_text(codes, index, pose, model));
 }
 
 }  // namespace stymo

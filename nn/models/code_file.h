@@ -22,6 +22,10 @@ struct CodeFile {
 [[nodiscard]] CodeFile read_code_file(const std::filesystem::path& path);
 /// The same for the text of such a file. Error messages name `source` as the file.
 [[nodiscard]] CodeFile parse_code_file(const std::string& text, const std::string& source);
+/// The mark of the model in this file, which its codes carry. Throws FileError.
+[[nodiscard]] std::string model_mark(const std::filesystem::path& model);
+/// Reads codes of the model with this mark. Throws FileError, too, for codes with another mark.
+[[nodiscard]] CodeFile read_code_file(const std::filesystem::path& path, const std::string& mark);
 /// Reads only the pose, from a code file or from any JSON object with such a "pose". Throws
 /// FileError.
 [[nodiscard]] Pose read_pose(const std::filesystem::path& path);
@@ -29,7 +33,8 @@ struct CodeFile {
 [[nodiscard]] JsonValue code_file_json(const Codes& codes, std::int64_t index, const Pose& pose,
                                        const std::string& model = {});
 /// The text of a code file for row `index` of the codes.
-[[nodiscard]] std::string code_file_text(const Codes& codes, std::int64_t index, const Pose& pose);
+[[nodiscard]] std::string code_file_text(const Codes& codes, std::int64_t index, const Pose& pose,
+                                         const std::string& model = {});
 /// Writes a code file for row `index` of the codes, completely or not at all.
 void write_code_file(const std::filesystem::path& path, const Codes& codes, std::int64_t index,
                      const Pose& pose, const std::string& model = {});

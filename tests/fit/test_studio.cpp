@@ -85,6 +85,14 @@ TEST_CASE("A studio says in one line what it cannot do", "[studio]") {
           "only a face that was fitted to a photo here can be tuned to it");
     CHECK(fails_with([&] { return write(studio.sample(1), "a.json", "t.safetensors"), 0; }) ==
           "the face is not tuned; leave out t.safetensors");
+    StudioFace face = studio.sample(1);
+    const std::filesystem::path file = scratch.path() / "codes.json";
+    write(face, file);
+    CHECK(elements(studio.read(file)) == elements(face));
+    face.face.model = "0";
+    write(face, file);
+    CHECK(fails_with([&] { return studio.read(file); }) ==
+          file.string() + ": holds codes of another model; name that one");
 }
 
 TEST_CASE("A face that a studio fits and tunes looks the same after it was written and read",
