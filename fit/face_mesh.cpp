@@ -26,8 +26,8 @@ MorphableHead without_brows(MorphableHead head) {
 Tensor guessed_colors(const MorphableHead& head, const LaidHead& laid, const SeenFace& frontal) {
     Eigen::Array3f seen = Eigen::Array3f::Constant(1e-6F), expected = seen;
     for (std::size_t k = 27; k < 36; ++k) {
-        const Eigen::Vector2f place = laid.landmarks[k].cast<float>();
-        seen += texel(frontal.image, place[0], place[1]).head<3>();
+        const Eigen::Vector2f position = laid.landmarks[k].cast<float>();
+        seen += texel(frontal.image, position[0], position[1]).head<3>();
         expected += matrix_map<float>(head.mean_albedo).row(head.landmarks[k]).transpose().array();
     }
     const float brightness = std::clamp(seen.sum() / expected.sum(), 0.3F, 1.5F);

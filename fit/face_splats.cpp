@@ -18,7 +18,7 @@ namespace stymo {
 
 namespace {
 
-using Place = Eigen::Vector2d;
+using Position = Eigen::Vector2d;
 using Vector = Eigen::Vector3d;
 
 /// A point of the surface, as the view has it that sees it most nearly straight.
@@ -29,11 +29,11 @@ struct Sample {
     Eigen::Vector3f color = Eigen::Vector3f::Zero();
 };
 
-std::optional<Sample> sample_at(const SeenFace& view, const Place& place, double spacing) {
+std::optional<Sample> sample_at(const SeenFace& view, const Position& position, double spacing) {
     constexpr double least_cosine = 0.1;
     const double step = 1.0 / static_cast<double>(view.depth.shape(0));
     const auto point = [&](double right, double down) {
-        return point_at(view.camera, view.depth, place + step * Place(right, down));
+        return point_at(view.camera, view.depth, position + step * Position(right, down));
     };
     const Vector across = point(1, 0) - point(-1, 0), down = point(0, 1) - point(0, -1);
     Sample sample{.point = point(0, 0), .normal = down.cross(across).normalized()};
@@ -41,9 +41,10 @@ std::optional<Sample> sample_at(const SeenFace& view, const Place& place, double
     sample.cosine = back.normalized().dot(sample.normal);
     if (!sample.point.allFinite() || !(sample.cosine > least_cosine)) return std::nullopt;
     sample.size = spacing * back.norm() / view.camera.intrinsics.focal;
-    sample.color = texel(view.image, static_cast<float>(place[0]), static_cast<float>(place[1]))
-                       .head<3>()
-                       .matrix();
+    sample.color =
+        texel(view.image, static_cast<float>(position[0]), static_cast<float>(position[1]))
+            .head<3>()
+            .matrix();
     return sample;
 }
 
@@ -55,14 +56,14 @@ bool belongs(const Sample& sample, std::size_t own, std::span<const SeenFace> vi
     double outside = 0.0;
     for (std::size_t k = 0; k < views.size(); ++k) {
         const SeenFace& view = views[k];
-        const Place place = project(view.camera, sample.point).head<2>();
-        outside +=
-            texel(view.mask, static_cast<float>(place[0]), static_cast<float>(place[1]))[0] < 0.5F
-                ? 1.0
-                : 0.0;
-        if (k == own || place.minCoeff() <= 0.0 || place.maxCoeff() >= 1.0) continue;
+        const Position position = project(view.camera, sample.point).head<2>();
+        outside += texel(view.mask, static_cast<float>(position[0]),
+                         static_cast<float>(position[1]))[0] < 0.5F
+                       ? 1.0
+                       : 0.0;
+        if (k == own || position.minCoeff() <= 0.0 || position.maxCoeff() >= 1.0) continue;
         const Vector back = view.camera.center - sample.point;
-        const bool seen = std::abs(depth_at(view.depth, place) - back.norm()) < same_depth;
+        const bool seen = std::abs(depth_at(view.depth, position) - back.norm()) < same_depth;
         if (seen && back.normalized().dot(sample.normal) > sample.cosine + much_straighter)
             return false;
     }
@@ -76,8 +77,9 @@ std::vector<Sample> surface_samples(std::span<const SeenFace> views, double spac
     parallel_items(std::ssize(views), [&](std::int64_t item, int) {
         const auto k = static_cast<std::size_t>(item);
         for (std::int64_t i = 0; i < steps * steps; ++i) {
-            const Place place = spacing * Place(double(i % steps) + 0.5, double(i / steps) + 0.5);
-            const std::optional<Sample> sample = sample_at(views[k], place, spacing);
+            const Position position =
+                spacing * Position(double(i % steps) + 0.5, double(i / steps) + 0.5);
+            const std::optional<Sample> sample = sample_at(views[k], position, spacing);
             if (sample && belongs(*sample, k, views)) of_view[k].push_back(*sample);
         }
     });

@@ -340,7 +340,7 @@ LaidHead fitted_head(const MorphableHead& head, const LandmarkModel& landmarks,
 
 void lay_on_surface(const MorphableHead& head, std::span<const SeenFace> views, LaidHead& laid) {
     Laying laying(head, laid.vertices);
-    // From stiff to soft, so that vertices find their places before details form.
+    // From stiff to soft, so that vertices find their positions before details form.
     for (const double length : {0.4, 0.28, 0.2, 0.14, 0.1, 0.07, 0.06, 0.06})
         laying.step(views, laid.landmarks, length);
     Points points = laying.points();

@@ -27,22 +27,22 @@ std::vector<path> binaries() {
 }  // namespace
 
 path shipped_file(const path& name, const path& folder) {
-    std::vector<path> places;
+    std::vector<path> candidates;
     if (!folder.empty()) {
-        places = {folder};
+        candidates = {folder};
     } else {
         constexpr int levels = 4;
         for (path above : binaries())
             for (int level = 0; level < levels && above.has_relative_path(); ++level) {
                 above = above.parent_path();
-                places.push_back(above / "configs");
-                places.push_back(above / "share/stymo/configs");
+                candidates.push_back(above / "configs");
+                candidates.push_back(above / "share/stymo/configs");
             }
-        places.emplace_back(STYMO_INSTALLED_CONFIGS);
+        candidates.emplace_back(STYMO_INSTALLED_CONFIGS);
     }
     std::error_code error;
-    for (const path& place : places)
-        if (std::filesystem::exists(place / name, error)) return place / name;
+    for (const path& candidate : candidates)
+        if (std::filesystem::exists(candidate / name, error)) return candidate / name;
     return {};
 }
 

@@ -21,8 +21,8 @@ constexpr float mask_weight = 0.3F;
 struct Drawn {
     std::int64_t index = 0;
     float depth = 0.0F;
-    Eigen::Vector2f place = Eigen::Vector2f::Zero();
-    Eigen::Matrix<float, 2, 3> place_by_center = Eigen::Matrix<float, 2, 3>::Zero();
+    Eigen::Vector2f position = Eigen::Vector2f::Zero();
+    Eigen::Matrix<float, 2, 3> position_by_center = Eigen::Matrix<float, 2, 3>::Zero();
     float variance = 0.0F, opacity = 0.0F;
     Eigen::Matrix2f shape = Eigen::Matrix2f::Zero();  ///< covariance before the filter / variance
     Eigen::Matrix2f precision = Eigen::Matrix2f::Zero();
@@ -55,17 +55,17 @@ std::optional<Drawn> projected(const Splats& splats, std::int64_t index, const C
     drawn.opacity = 1.0F / (1.0F + std::exp(-matrix_map<float>(splats.logits)(index, 0)));
     if (!(drawn.depth > nearest) || !(drawn.opacity > least_alpha)) return std::nullopt;
     const auto scale = static_cast<float>(camera.intrinsics.focal) * extent / drawn.depth;
-    drawn.place =
+    drawn.position =
         scale * seen.head<2>() +
         extent *
             Eigen::Vector2d(camera.intrinsics.center_x, camera.intrinsics.center_y).cast<float>();
     Eigen::Matrix<float, 2, 3> by_axes;
     by_axes << scale, 0.0F, -scale * seen[0] / drawn.depth,  //
         0.0F, scale, -scale * seen[1] / drawn.depth;
-    drawn.place_by_center = by_axes * camera_from_world;
+    drawn.position_by_center = by_axes * camera_from_world;
     const Eigen::Vector2f along =
-        drawn.place_by_center * matrix_map<float>(splats.normals).row(index).transpose();
-    drawn.shape = drawn.place_by_center * drawn.place_by_center.transpose() -
+        drawn.position_by_center * matrix_map<float>(splats.normals).row(index).transpose();
+    drawn.shape = drawn.position_by_center * drawn.position_by_center.transpose() -
                   (1.0F - splat_thickness * splat_thickness) * along * along.transpose();
     drawn.variance = std::exp(2.0F * matrix_map<float>(splats.sizes)(index, 0));
     const Eigen::Matrix2f covariance =
@@ -74,8 +74,8 @@ std::optional<Drawn> projected(const Splats& splats, std::int64_t index, const C
     const Eigen::Array2f reach = std::sqrt(2.0F * std::log(drawn.opacity / least_alpha)) *
                                  covariance.diagonal().array().sqrt();
     const auto first = [](float from) { return static_cast<std::int64_t>(std::ceil(from - 0.5F)); };
-    const Eigen::Array2f from = (drawn.place.array() - reach).max(0.0F).min(extent + 1.0F);
-    const Eigen::Array2f to = (drawn.place.array() + reach).max(-1.0F).min(extent);
+    const Eigen::Array2f from = (drawn.position.array() - reach).max(0.0F).min(extent + 1.0F);
+    const Eigen::Array2f to = (drawn.position.array() + reach).max(-1.0F).min(extent);
     drawn.left = first(from[0]), drawn.right = first(to[0]) - 1;
     drawn.top = first(from[1]), drawn.bottom = first(to[1]) - 1;
     if (drawn.left > drawn.right || drawn.top > drawn.bottom) return std::nullopt;
@@ -98,8 +98,8 @@ void composite(const Drawn& splat, std::int64_t side, std::vector<float>& light,
         for (std::int64_t column = splat.left; column <= splat.right; ++column) {
             const auto pixel = static_cast<std::size_t>(row * side + column);
             if (light[pixel] < least_light) continue;
-            const Eigen::Vector2f away(static_cast<float>(column) + 0.5F - splat.place[0],
-                                       static_cast<float>(row) + 0.5F - splat.place[1]);
+            const Eigen::Vector2f away(static_cast<float>(column) + 0.5F - splat.position[0],
+                                       static_cast<float>(row) + 0.5F - splat.position[1]);
             const float alpha = std::min(
                 splat.opacity * std::exp(-0.5F * away.dot(splat.precision * away)), most_alpha);
             if (alpha < least_alpha) continue;
@@ -152,17 +152,17 @@ Splats gradient_of(const Frame& frame, const std::vector<Eigen::Array4f>& slopes
             const float by_alpha = light * (slopes[pixel] * (color - behind[pixel])).sum();
             behind[pixel] += alpha * (color - behind[pixel]);
             if (alpha >= most_alpha) continue;
-            const Eigen::Vector2f away(static_cast<float>(index % side) + 0.5F - splat.place[0],
-                                       static_cast<float>(index / side) + 0.5F - splat.place[1]);
+            const Eigen::Vector2f away(static_cast<float>(index % side) + 0.5F - splat.position[0],
+                                       static_cast<float>(index / side) + 0.5F - splat.position[1]);
             const float weight = by_alpha * alpha;
             by_exponent += weight;
             pull += weight * away;
             scatter += weight * away * away.transpose();
         }
         const auto row = static_cast<Eigen::Index>(splat.index);
-        const Eigen::Vector2f by_place = splat.precision * pull;
+        const Eigen::Vector2f by_position = splat.precision * pull;
         for (Eigen::Index axis = 0; axis < 3; ++axis)
-            centers(row, axis) = splat.place_by_center.col(axis).dot(by_place);
+            centers(row, axis) = splat.position_by_center.col(axis).dot(by_position);
         sizes(row, 0) =
             splat.variance *
             (splat.precision * scatter * splat.precision).cwiseProduct(splat.shape).sum();

@@ -48,7 +48,7 @@ RasterImage drawn_atlas(const TexturedMesh& mesh, const Tensor& guess, std::int6
 
 /// The weight of a picture for a point of the surface, and where the picture shows it.
 float weight_in(const TextureView& view, const Tensor& depths, const Eigen::Vector3d& point,
-                const Eigen::Vector3d& normal, Eigen::Vector2f& place) {
+                const Eigen::Vector3d& normal, Eigen::Vector2f& position) {
     const Eigen::Vector3d seen = project(view.camera, point);
     if (seen[2] <= 0.0 || seen.head<2>().minCoeff() < 0.0 || seen.head<2>().maxCoeff() >= 1.0)
         return 0.0F;
@@ -58,10 +58,11 @@ float weight_in(const TextureView& view, const Tensor& depths, const Eigen::Vect
     const auto pixel = static_cast<std::size_t>(row * side + column);
     if (seen[2] > static_cast<double>(depths.values<float>()[pixel]) + texture_depth_tolerance)
         return 0.0F;
-    place = seen.head<2>().cast<float>();
+    position = seen.head<2>().cast<float>();
     const double cosine = std::max((view.camera.center - point).normalized().dot(normal), 0.0);
     // At the rim of the mask the picture mixes the head with what is behind it.
-    const float inside = std::max(4.0F * texel(view.mask, place[0], place[1])[0] - 3.0F, 0.0F);
+    const float inside =
+        std::max(4.0F * texel(view.mask, position[0], position[1])[0] - 3.0F, 0.0F);
     return static_cast<float>(std::pow(cosine, 4.0)) * inside;
 }
 
@@ -136,10 +137,10 @@ Tensor baked_texture(const TexturedMesh& mesh, std::span<const TextureView> view
             Eigen::Array4f& sum = texels[i];
             sum << Eigen::Map<const Eigen::Array3f>(at + 6) * at[9], at[9];
             for (std::size_t k = 0; k < views.size(); ++k) {
-                Eigen::Vector2f place;
-                const float weight = weight_in(views[k], depths[k], point, normal, place);
+                Eigen::Vector2f position;
+                const float weight = weight_in(views[k], depths[k], point, normal, position);
                 if (weight == 0.0F) continue;
-                Eigen::Array4f seen = texel(views[k].image, place[0], place[1]);
+                Eigen::Array4f seen = texel(views[k].image, position[0], position[1]);
                 seen[3] = 1.0F;
                 sum += weight * seen;
             }

@@ -34,17 +34,18 @@ std::vector<std::string> cells_of(std::string line) {
     return cells;
 }
 
-double number(const std::string& text, double low, double high, const std::string& place) {
+double number(const std::string& text, double low, double high, const std::string& cell_name) {
     double value = 0.0;
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
     if (error != std::errc() || end != text.data() + text.size() || !(value >= low) ||
         !(value <= high))
-        fail<FileError>(place, " is \"", text, "\", expected a number from ", low, " to ", high);
+        fail<FileError>(cell_name, " is \"", text, "\", expected a number from ", low, " to ",
+                        high);
     return value;
 }
 
-double coefficient(const std::string& text, const std::string& place) {
-    return number(text, 0.0, 100.0, place);
+double coefficient(const std::string& text, const std::string& cell_name) {
+    return number(text, 0.0, 100.0, cell_name);
 }
 
 /// From the angles of a head to those of the camera that sees it so, and back. ARKit's pitch is
@@ -84,19 +85,19 @@ std::vector<ArkitMoment> read_csv(const std::string& path, const std::string& te
         if (cells.size() != header.size())
             fail<FileError>(path, ": line ", index, " has ", cells.size(), " cells, the first ",
                             header.size());
-        const auto place = [&](std::size_t at) {
+        const auto cell_name = [&](std::size_t at) {
             return path + ": line " + std::to_string(index) + ": " + header[at];
         };
         ArkitMoment& row = rows.emplace_back();
         for (const std::size_t at : columns)
-            row.coefficients.push_back(coefficient(cells[at], place(at)));
+            row.coefficients.push_back(coefficient(cells[at], cell_name(at)));
         Eigen::Vector3d head = Eigen::Vector3d::Zero();
         for (std::size_t k = 0; k < 3; ++k) {
             constexpr double half_turn = std::numbers::pi;
             const std::size_t at = column(rotations[k]);
             if (at < header.size())
                 head[static_cast<Eigen::Index>(k)] =
-                    number(cells[at], -half_turn, half_turn, place(at));
+                    number(cells[at], -half_turn, half_turn, cell_name(at));
         }
         row.view = seen_from(upward(head));
     }

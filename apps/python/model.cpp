@@ -119,8 +119,8 @@ FaceMesh mesh(const Studio& studio, nb::handle given, std::int64_t texture, bool
     return studio.mesh(face, texture, neutral);
 }
 
-nb::object in_metres(const Tensor& places) {
-    return numpy_of(affine(places, double{metres}, 0.0).value());
+nb::object in_metres(const Tensor& positions) {
+    return numpy_of(affine(positions, double{metres}, 0.0).value());
 }
 
 nb::dict shapes_of(const FaceMesh& mesh) {

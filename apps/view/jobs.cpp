@@ -41,7 +41,6 @@ FitJobOptions fit_options(const SharedState& shared, double tune_seconds, std::i
     options.preparation = shared.preparation_settings();
     options.preparation.face = number;
     options.head = options.preparation.morphable;
-    options.fit.optimizer = FitOptimizer::lbfgs;
     options.fit.steps = shared.options().fit_steps;
     options.tuning.seconds = tune_seconds;
     return options;

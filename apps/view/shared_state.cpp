@@ -76,7 +76,7 @@ PhotoPreparationSettings SharedState::preparation_settings() const {
 }
 
 std::shared_ptr<const PhotoPreparation> SharedState::preparation() {
-    const std::lock_guard lock(made_when_needed_);
+    const std::lock_guard lock(preparing_);
     if (!preparation_)
         preparation_ = std::make_shared<const PhotoPreparation>(
             settings_for(model_->config(), preparation_settings()));

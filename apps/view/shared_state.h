@@ -26,7 +26,7 @@ struct ViewerOptions {
     std::vector<std::string> codes;  ///< files of the faces with which every session starts
     std::filesystem::path parser;  ///< face parser that finds the part to recolour; empty: the part
                                    ///< is found by its colour
-    std::int64_t fit_steps = 60;   ///< steps of L-BFGS
+    std::int64_t fit_steps = 60;
     std::int64_t color_steps = 60;
     std::int64_t most_photo_pixels = std::int64_t{1} << 26;  ///< what 64-megapixel cameras make
     FrameSettings frames;
@@ -75,6 +75,7 @@ private:
     std::vector<std::pair<std::string, CodeFile>> first_faces_;
     std::array<GroupDirections, code_names.size()> directions_;
     std::mutex made_when_needed_;
+    std::mutex preparing_;  ///< its networks take a while to read; nothing else waits for them
     std::unique_ptr<ReconstructionLoss> loss_;
     std::shared_ptr<const PhotoPreparation> preparation_;
     TunedModels tuned_models_;

@@ -32,8 +32,8 @@ std::string reason_of(const std::exception& error) {
     std::string reason = known != nullptr ? known->err : error.what();
     reason.resize(std::min({reason.find('\n'), reason.size(), std::size_t{300}}));
     // A message inside another one names the line of OpenCV's sources.
-    static const std::regex place(R"(^> |OpenCV\([^)]*\) \S+: error: )");
-    return "OpenCV: " + std::regex_replace(reason, place, "");
+    static const std::regex prefix(R"(^> |OpenCV\([^)]*\) \S+: error: )");
+    return "OpenCV: " + std::regex_replace(reason, prefix, "");
 }
 
 cv::Mat planes_of(const Tensor& image, const PixelScale& scale) {

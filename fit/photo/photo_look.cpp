@@ -62,9 +62,9 @@ void measure_light(const Pixels& pixels, const Point& center, double radius, Pho
     double clipped = 0.0;
     for (std::int64_t i = 0; i < side * side; ++i) {
         const std::int64_t x = i % side, y = i / side;
-        const Point place(static_cast<double>(x), static_cast<double>(y));
+        const Point pixel(static_cast<double>(x), static_cast<double>(y));
         if (std::min(x, y) < 1 || std::max(x, y) > side - 2 || !pixels.is_known(i) ||
-            !((place - center).norm() < radius))
+            !((pixel - center).norm() < radius))
             continue;
         const auto row = [&](std::int64_t at) {
             return pixels.grey(at - 1) - 2.0 * pixels.grey(at) + pixels.grey(at + 1);

@@ -29,8 +29,8 @@ Tensor pixel_depth(FaceRenderer& renderer, const Camera& camera, std::int64_t ra
         return (0.5 - (static_cast<double>(k) + 0.5) / static_cast<double>(step)) /
                static_cast<double>(rays_per_side);
     };
-    for (std::int64_t place = 0; place < step * step; ++place) {
-        const std::int64_t first_row = place / step, first_column = place % step;
+    for (std::int64_t offset = 0; offset < step * step; ++offset) {
+        const std::int64_t first_row = offset / step, first_column = offset % step;
         Camera shifted = camera;
         shifted.intrinsics.center_x += shift(first_column);
         shifted.intrinsics.center_y += shift(first_row);

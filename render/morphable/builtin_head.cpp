@@ -127,10 +127,10 @@ namespace {
     head.albedo =
         morphable::rows_tensor(morphable::texture_basis(mesh.vertices, mesh.parts, mesh.albedo));
     head.expression_names = morphable::expression_names();
-    std::vector<float> places;
-    for (const Eigen::Vector2d& place : mesh.grid_uv)
-        places.insert(places.end(), {static_cast<float>(place[0]), static_cast<float>(place[1])});
-    head.grid_uv = Tensor::from({vertices[0], 2}, std::span<const float>(places));
+    std::vector<float> values;
+    for (const Eigen::Vector2d& uv : mesh.grid_uv)
+        values.insert(values.end(), {static_cast<float>(uv[0]), static_cast<float>(uv[1])});
+    head.grid_uv = Tensor::from({vertices[0], 2}, std::span<const float>(values));
     head.landmarks = morphable::landmark_vertices(mesh, parameters);
     head.triangles = std::move(mesh.triangles);
     head.parts = std::move(mesh.parts);

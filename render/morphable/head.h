@@ -35,7 +35,7 @@ struct MorphableHead {
     /// Names of the first expressions, for example "jawOpen" or "eyeBlink_L" (the person's left);
     /// empty if they are not known.
     std::vector<std::string> expression_names;
-    /// (V, 2): place in the grid to which a vertex of the built-in head belongs, from 0 to 1, u
+    /// (V, 2): position in the grid to which a vertex of the built-in head belongs, from 0 to 1, u
     /// around the head and v downwards; undefined for scans.
     Tensor grid_uv;
 

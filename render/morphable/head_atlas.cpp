@@ -29,7 +29,8 @@ Eigen::Vector3f point_of(const MorphableHead& head, std::int32_t vertex) {
 }
 
 std::vector<Chart> charts_of(const MorphableHead& head) {
-    // The inside of a scanned mouth is another piece than the face: both stand at the same place.
+    // The inside of a scanned mouth is another piece than the face: both stand at the same
+    // position.
     const auto count = static_cast<std::int32_t>(head.vertex_count());
     std::vector<Triangle> nodes = head.triangles;
     const auto in_mouth = [&](std::int32_t vertex) {
@@ -85,24 +86,24 @@ void arrange(std::vector<Chart>& charts) {
 }
 
 /// Place of a vertex on its chart: u in [0, 1] around the vertical axis, v in [0, 1] downwards.
-Eigen::Array2f place_of(const MorphableHead& head, const Chart& chart, std::int32_t vertex) {
+Eigen::Array2f position_of(const MorphableHead& head, const Chart& chart, std::int32_t vertex) {
     if (head.grid_uv.defined()) return matrix_map<float>(head.grid_uv).row(vertex).transpose();
     const Eigen::Vector3f from = point_of(head, vertex) - chart.box.center();
     return {std::atan2(from[0], from[2]) / (2.0F * std::numbers::pi_v<float>)+0.5F,
             0.5F - from[1] / std::max(chart.box.sizes()[1], 1e-6F)};
 }
 
-/// The corners' places, in which u does not jump from 1 to 0.
-std::array<Eigen::Array2f, 3> places_of(const MorphableHead& head, const Chart& chart,
-                                        const Triangle& triangle) {
-    std::array<Eigen::Array2f, 3> places;
-    std::ranges::transform(triangle, places.begin(),
-                           [&](std::int32_t vertex) { return place_of(head, chart, vertex); });
-    const auto [low, high] = std::minmax({places[0][0], places[1][0], places[2][0]});
+/// The corners' positions, in which u does not jump from 1 to 0.
+std::array<Eigen::Array2f, 3> positions_of(const MorphableHead& head, const Chart& chart,
+                                           const Triangle& triangle) {
+    std::array<Eigen::Array2f, 3> positions;
+    std::ranges::transform(triangle, positions.begin(),
+                           [&](std::int32_t vertex) { return position_of(head, chart, vertex); });
+    const auto [low, high] = std::minmax({positions[0][0], positions[1][0], positions[2][0]});
     if (high - low > 0.5F)
-        for (Eigen::Array2f& place : places)
-            if (place[0] < 0.5F) place[0] += 1.0F;
-    return places;
+        for (Eigen::Array2f& position : positions)
+            if (position[0] < 0.5F) position[0] += 1.0F;
+    return positions;
 }
 
 }  // namespace
@@ -112,26 +113,27 @@ HeadAtlas head_atlas(const MorphableHead& head) {
     if (charts.empty()) return {{}, Tensor({0, 2}), {}};
     for (Chart& chart : charts)
         for (const std::size_t triangle : chart.triangles)
-            for (const auto& place : places_of(head, chart, head.triangles[triangle]))
-                chart.width_used = std::max(chart.width_used, place[0]);
+            for (const auto& position : positions_of(head, chart, head.triangles[triangle]))
+                chart.width_used = std::max(chart.width_used, position[0]);
     arrange(charts);
     HeadAtlas atlas{{}, {}, std::vector<Triangle>(head.triangles.size())};
     std::vector<float> uv;
     for (const Chart& chart : charts) {
         std::map<std::pair<std::int32_t, bool>, std::int32_t> number;
         for (const std::size_t t : chart.triangles) {
-            const std::array<Eigen::Array2f, 3> places = places_of(head, chart, head.triangles[t]);
+            const std::array<Eigen::Array2f, 3> positions =
+                positions_of(head, chart, head.triangles[t]);
             for (std::size_t k = 0; k < 3; ++k) {
                 const std::int32_t vertex = head.triangles[t][k];
-                const bool beyond = places[k][0] > place_of(head, chart, vertex)[0];
+                const bool beyond = positions[k][0] > position_of(head, chart, vertex)[0];
                 const auto [entry, is_new] = number.try_emplace(
                     {vertex, beyond}, static_cast<std::int32_t>(atlas.vertex.size()));
                 atlas.triangles[t][k] = entry->second;
                 if (!is_new) continue;
                 atlas.vertex.push_back(vertex);
                 const Eigen::Array2f at =
-                    chart.origin +
-                    chart.extent * Eigen::Array2f(places[k][0] / chart.width_used, places[k][1]);
+                    chart.origin + chart.extent * Eigen::Array2f(positions[k][0] / chart.width_used,
+                                                                 positions[k][1]);
                 uv.insert(uv.end(), at.begin(), at.end());
             }
         }

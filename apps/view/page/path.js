@@ -27,9 +27,9 @@ function drawKeys() {
 
 // As the program does for films (Catmull and Rom 1974).
 function along(name, part) {
-  const place = part * (keys.length - 1);
-  const first = Math.min(Math.floor(place), Math.max(keys.length - 2, 0));
-  const t = place - first;
+  const position = part * (keys.length - 1);
+  const first = Math.min(Math.floor(position), Math.max(keys.length - 2, 0));
+  const t = position - first;
   const at = (i) => keys[Math.min(Math.max(i, 0), keys.length - 1)][name];
   const [a, b, c, d] = [at(first - 1), at(first), at(first + 1), at(first + 2)];
   const value =

@@ -4,7 +4,7 @@ import { ask } from "./api.js";
 import { thumbnail } from "./faces.js";
 import { change, onChange, state } from "./state.js";
 
-const place = document.getElementById("sliders");
+const panel = document.getElementById("sliders");
 const inputs = new Map();  // group -> inputs
 
 export function makeSliders(groups) {
@@ -37,9 +37,9 @@ export function makeSliders(groups) {
       name(input, label, index);
       return input;
     }));
-    place.append(set);
+    panel.append(set);
   }
-  if (!inputs.size) place.textContent = "This model has no statistics of codes.";
+  if (!inputs.size) panel.textContent = "This model has no statistics of codes.";
   onChange(reflect);
 }
 
