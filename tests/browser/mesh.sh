@@ -28,5 +28,5 @@ validator.validateBytes(new Uint8Array(require("fs").readFileSync(file))).then((
   console.log(JSON.stringify({ ...report.issues, ...report.info.resources }));
   process.exit(report.issues.numErrors + report.issues.numWarnings > 0 ? 1 : 0);
 });' "$modules" "$work/face.glb"
-node "$here/mesh_sheet.mjs" "$work/face.glb" "${STYMO_MESH_SHEET:-$work/sheet.jpg}" "$modules" \
-    "$chromium"
+node "$here/sheet.mjs" "$here/mesh.html" "$work/face.glb" "${STYMO_MESH_SHEET:-$work/sheet.jpg}" \
+    "$modules" "$chromium"
