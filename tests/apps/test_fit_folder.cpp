@@ -111,7 +111,8 @@ TEST_CASE("Folders that cannot be fitted are refused, and nothing is written") {
             "none of its 1 photos can be used; the first: broken.png: not an image");
 }
 
-TEST_CASE("Two ranks write the files of one process, and one that is killed loses no photo") {
+TEST_CASE("Two ranks write the files of one process, and one that is killed loses no photo",
+          "[slow]") {
     if (!stymo::can_start_ranks()) return;
     std::vector<std::string> commands{
         "stymo-prep --photos faces --size 32 --out ",

@@ -71,7 +71,8 @@ TEST_CASE("1, 2 and 4 ranks write the same files, and any number resumes") {
     CHECK(bytes("repaired" + state) == bytes("ranks1" + state));
 }
 
-TEST_CASE("Ranks that do not fit together are refused by one line, and nothing is written") {
+TEST_CASE("Ranks that do not fit together are refused by one line, and nothing is written",
+          "[slow]") {
     if (!stymo::can_start_ranks()) return;
     const auto refused = [](const ChildOutcome& outcome, const std::string& words) {
         CHECK(outcome.exit_code != 0);
