@@ -162,22 +162,22 @@ def rotation(yaw, pitch, roll):
     return rz @ ry @ rx
 
 
-def sample_rays(poses, side, samples, uniforms=None):
-    """Rays through the middles of the pixels, sampled between the world planes z = 2.5 and z =
-    -3.5.
+def sample_rays(poses, side, samples, uniforms=None, focal=2.03, near=2.5, far=-3.5):
+    """Rays through the middles of the pixels, sampled between the world planes z = near and z =
+    far.
 
     `poses` (B, 6): yaw, pitch, roll, centre; `uniforms` (B, R, N + 1) moves each depth within its
     stratum. Returns points (B, 3, R, N), and deltas and depths (B, 1, R, N).
     """
     points, deltas, depths = [], [], []
-    inverse_k = numpy.linalg.inv(numpy.array([[2.03, 0, 0.5], [0, 2.03, 0.5], [0, 0, 1]]))
+    inverse_k = numpy.linalg.inv(numpy.array([[focal, 0, 0.5], [0, focal, 0.5], [0, 0, 1]]))
     v, u = numpy.meshgrid(*[(numpy.arange(side) + 0.5) / side] * 2, indexing="ij")
     pixels = numpy.stack([u.ravel(), v.ravel(), numpy.ones(u.size)])
     for i, (yaw, pitch, roll, *center) in enumerate(poses.tolist()):
         world_from_camera = rotation(yaw, pitch, roll) @ numpy.diag([1.0, -1.0, -1.0])
         directions = (world_from_camera @ inverse_k @ pixels).T
         directions /= numpy.linalg.norm(directions, axis=1, keepdims=True)
-        z = numpy.linspace(center[2] - 2.5, center[2] + 3.5, samples + 1)[None].repeat(
+        z = numpy.linspace(center[2] - near, center[2] - far, samples + 1)[None].repeat(
             side * side, 0
         )
         if uniforms is not None:
