@@ -62,7 +62,8 @@ def main():
 
     def row(name, result):
         cells = [result.get(key, math.nan) for key in
-                 ("mouth_error", "face_error", "identity", "jitter", "fitted_frames_a_second")]
+                 ("mouth_error", "face_error", "identity", "jitter", "jitter_given",
+                  "fitted_frames_a_second")]
         print("|", " | ".join([name, *("" if math.isnan(x) else f"{x:.2f}" for x in cells)]), "|",
               flush=True)
 
@@ -74,8 +75,8 @@ def main():
     drive("film.mp4", 1, *speech)
     drive("truth.mp4", 2, *speech)
     truth = ["--truth", o.folder / "truth.mp4"]
-    print("| side | steps | mouth, % | face, % | identity | jitter, % | frames/s |")
-    print("|---" * 7 + "|")
+    print("| side | steps | mouth, % | face, % | identity | jitter, % | of the film | frames/s |")
+    print("|---" * 8 + "|")
     row("no expression |", drive("still.mp4", 2, "--coefficients", o.folder / "still.csv",
                                  "--rate", "25", *truth))
     for side in o.sides.split(","):
