@@ -92,7 +92,7 @@ TEST_CASE("a model with an identity backbone added gives the same codes but new 
     const Codes after = wide.encoder()(image);
     for (std::size_t i = 1; i < before.groups.size(); ++i)
         CHECK(check_close(after.groups[i].value(), before.groups[i].value(), 1e-5).passed);
-    const Shape& read = values_of(wide).at("encoder.heads.id.wide.weight").shape();
+    const Shape read = values_of(wide).at("encoder.heads.id.wide.weight").shape();
     CHECK(read[1] == 128);
     CHECK_THAT(refusal({"encoder.identity_backbone=mobilefacenet"}),
                Catch::Contains("encoder.identity_weights: no weights for mobilefacenet"));
