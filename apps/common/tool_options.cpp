@@ -5,8 +5,6 @@
 #include <system_error>
 
 #include "core/error.h"
-#include "core/io/checksum.h"
-#include "core/io/file.h"
 #include "nn/models/weight_changes.h"
 
 namespace stymo {

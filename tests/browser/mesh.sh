@@ -12,10 +12,7 @@ shift 2
 here=$(cd "$(dirname "$0")" && pwd)
 
 source "$here/prerequisites.sh"
-for package in gltf-validator three; do
-    [[ -d "$modules/$package" ]] ||
-        skip "$package is not installed (scripts/install_browser.sh tests/browser)"
-done
+need_packages gltf-validator three
 
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT

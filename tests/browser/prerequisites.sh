@@ -8,5 +8,11 @@ command -v node >/dev/null || skip "node is not installed (apt-get install nodej
 chromium=$(command -v chromium || command -v chromium-browser) ||
     skip "Chromium is not installed (apt-get install chromium)"
 modules=${STYMO_PLAYWRIGHT:-${NODE_PATH:-$(dirname "${BASH_SOURCE[0]}")/node_modules}}
-[[ -d "$modules/playwright-core" ]] ||
-    skip "playwright-core is not installed (scripts/install_browser.sh tests/browser)"
+need_packages() {
+    local package
+    for package in "$@"; do
+        [[ -d "$modules/$package" ]] ||
+            skip "$package is not installed (scripts/install_browser.sh tests/browser)"
+    done
+}
+need_packages playwright-core

@@ -9,10 +9,7 @@ renderer=${2:?usage: splat.sh STYMO_EXPORT STYMO_RENDER}
 here=$(cd "$(dirname "$0")" && pwd)
 
 source "$here/prerequisites.sh"
-for package in @sparkjsdev/spark three; do
-    [[ -d "$modules/$package" ]] ||
-        skip "$package is not installed (scripts/install_browser.sh tests/browser)"
-done
+need_packages @sparkjsdev/spark three
 
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT

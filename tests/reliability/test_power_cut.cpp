@@ -280,7 +280,7 @@ TEST_CASE("after a power cut a fit's codes and tuned weights are whole or not th
     };
     const PowerCuts cuts = all_at_the_end(operations);
     CHECK(damaged("fit", operations, cuts, is_fine) == 0);
-    CHECK(damaged("fit, had it flushed nothing", without_flushes(operations), cuts, is_fine) > 50);
+    CHECK(damaged("fit, had it flushed nothing", without_flushes(operations), cuts, is_fine) > 100);
 }
 
 TEST_CASE("after a power cut an evaluation has the codes of every face that is scored", "[slow]") {
