@@ -9,6 +9,7 @@
 #include "core/ops/ops.h"
 #include "nn/known_pixels.h"
 #include "nn/losses.h"
+#include "nn/realtime/view.h"
 
 namespace stymo {
 
@@ -56,19 +57,51 @@ Variable depth_variance_term(const LossInputs& in, LossValues&) {
     return depth_variance(in.decoded.weights.weights, in.decoded.samples.depths);
 }
 
-/// The gradient is computed at once, as for the adversarial term.
-Variable identity_term(const LossInputs& in, LossValues&) {
-    const Variable& images = in.decoded.images.back();
-    const std::int64_t side = images.shape(1);
-    const auto has_side = [side](const Tensor& target) { return target.shape(1) == side; };
-    const Tensor& target = *std::ranges::find_if(in.batch.targets, has_side);
-    const Tensor shown =
-        where_known(known_at(in.batch.known, side, side), target, images.detach()).value();
-    const std::vector<ImageAugmentation> frames =
-        ffhq_frames(in.batch.cameras, in.config.model.camera);
+/// How far the first faces of the batch, rendered from `cameras`, are from the people in the photos
+/// that their identity is read from. The gradient is computed at once, as for the adversarial term.
+Variable identity_distance(const LossInputs& in, const Variable& images,
+                           std::span<const Camera> cameras) {
+    const FaceBatch& batch = in.batch;
+    const bool reads_others = batch.other_input.defined();
+    const Variable photos(reads_others ? batch.other_input : batch.input);
+    const std::span<const Camera> seen_by(reads_others ? batch.other_cameras : batch.cameras);
+    const CameraConfig& model = in.config.model.camera;
+    const Tensor read = slice(photos, 0, 0, images.shape(0)).value();
     return differentiate_at_once(
-        [&](const Variable& rendered) { return in.identity->distance(rendered, shown, frames); },
+        [&](const Variable& rendered) {
+            return in.identity->distance(rendered, ffhq_frames(cameras, model), read,
+                                         ffhq_frames(seen_by.first(cameras.size()), model));
+        },
         images);
+}
+
+Variable identity_term(const LossInputs& in, LossValues&) {
+    return identity_distance(in, in.decoded.images.back(), in.batch.cameras);
+}
+
+/// The first faces of the batch with other codes and cameras.
+Variable faces_aside(const LossInputs& in, const Codes& codes, const std::vector<Camera>& cameras) {
+    const Decoder& decoder = in.model.decoder();
+    return decoder(codes, cameras,
+                   {.samples_per_ray = in.position.phase.samples_per_ray,
+                    .resolution = aside_side(decoder.ladder(), in.position.phase),
+                    .gradient_tolerance = in.config.optimizer.sample_tolerance})
+        .images.back();
+}
+
+/// The first half of the faces is also seen from one side or the other, where photos show little.
+Variable side_identity_term(const LossInputs& in, LossValues&) {
+    constexpr double side_yaw = 0.5;
+    const std::int64_t half = std::max<std::int64_t>(in.codes.batch() / 2, 1);
+    Codes codes;
+    for (std::size_t group = 0; group < codes.groups.size(); ++group)
+        codes.groups[group] = slice(in.codes.groups[group], 0, 0, half);
+    std::vector<Camera> cameras;
+    for (std::int64_t row = 0; row < half; ++row) {
+        const bool left = (in.position.step + row) % 2 == 0;
+        cameras.push_back(model_camera(in.model, left ? -side_yaw : side_yaw, 0.0, 0.0));
+    }
+    return identity_distance(in, faces_aside(in, codes, cameras), cameras);
 }
 
 /// The first half of the faces gets the expressions of the second. What the encoder sees of them
@@ -81,14 +114,8 @@ Variable expression_term(const LossInputs& in, LossValues&) {
     };
     const Codes mixed{{rows(0, 0), rows(1, half), rows(2, 0), rows(3, 0)}};
     const std::vector<Camera> cameras(in.batch.cameras.begin(), in.batch.cameras.begin() + half);
-    const Decoder& decoder = in.model.decoder();
-    const Decoded faces =
-        decoder(mixed, cameras,
-                {.samples_per_ray = in.position.phase.samples_per_ray,
-                 .resolution = expression_side(decoder.ladder(), in.position.phase),
-                 .gradient_tolerance = in.config.optimizer.sample_tolerance});
     const Variable seen = in.model.encoder().expression(
-        augmented(faces.images.back(), ffhq_frames(cameras, in.config.model.camera)));
+        augmented(faces_aside(in, mixed, cameras), ffhq_frames(cameras, in.config.model.camera)));
     const Variable asked = mean(square(rows(1, half) - rows(1, 0)));
     return mean(square(seen - rows(1, half))) / (asked + 1e-12);
 }
@@ -120,7 +147,7 @@ Variable seen_by_discriminator(const Variable& images, const FaceBatch& batch) {
     return where_known(known_at(batch.known, images.shape(1), images.shape(2)), images, -1.0);
 }
 
-std::int64_t expression_side(const ResolutionLadder& ladder, const TrainingPhase& phase) {
+std::int64_t aside_side(const ResolutionLadder& ladder, const TrainingPhase& phase) {
     std::int64_t side = ladder.smallest();
     for (const std::int64_t larger : ladder.sides())
         if (larger <= std::min<std::int64_t>(phase.resolution, 128)) side = larger;
@@ -155,6 +182,12 @@ std::span<const LossTerm> loss_terms() {
         {.name = "identity",
          .weight = configured<&LossConfig::identity_weight>,
          .value = identity_term},
+        {.name = "side_identity",
+         .weight =
+             [](const LossInputs& in) {
+                 return codes_learn(in) ? in.config.loss.side_identity_weight : 0.0;
+             },
+         .value = side_identity_term},
         {.name = "expression",
          .weight =
              [](const LossInputs& in) {

@@ -66,10 +66,10 @@ struct LossTerm {
 /// Rendered images of the batch's faces without what is unknown in the photos, as in its targets.
 [[nodiscard]] Variable seen_by_discriminator(const Variable& images, const FaceBatch& batch);
 
-/// Side of the images of the term "expression": the largest of the ladder that the phase renders
-/// and that has at most 128 pixels, or the smallest.
-[[nodiscard]] std::int64_t expression_side(const ResolutionLadder& ladder,
-                                           const TrainingPhase& phase);
+/// Side of the images that are rendered beside those of the batch, for the terms "side_identity"
+/// and "expression": the largest of the ladder that the phase renders and that has at most 128
+/// pixels, or the smallest.
+[[nodiscard]] std::int64_t aside_side(const ResolutionLadder& ladder, const TrainingPhase& phase);
 
 /// Name, among the losses, of the share of samples that take part in the backward pass.
 inline constexpr std::string_view significant_share = "significant_samples";

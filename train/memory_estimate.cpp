@@ -78,13 +78,15 @@ std::int64_t generator_numbers(const Model& model, const ReconstructionLoss& los
     if (phase.stage == 1 && model.has_encoder())
         memory.saved += phase.micro_batch * encoded * model.encoder().backbone().saved();
     memory.add(loss.memory(phase.resolution));
-    if (config.loss.identity_weight > 0.0)
+    if (config.loss.compares_identity())
         memory.add({0, phase.micro_batch * IdentityNetwork::saved_per_image});
-    if (phase.stage == 1 && config.loss.expression_weight > 0.0)
+    const int asides = (config.loss.expression_weight > 0.0 ? 1 : 0) +
+                       (config.loss.side_identity_weight > 0.0 ? 1 : 0);
+    if (phase.stage == 1 && asides > 0)
         memory.add(
             model.decoder().memory({.samples_per_ray = phase.samples_per_ray,
-                                    .resolution = expression_side(model.decoder().ladder(), phase)},
-                                   phase.micro_batch / 2));
+                                    .resolution = aside_side(model.decoder().ladder(), phase)},
+                                   asides * std::max<std::int64_t>(phase.micro_batch / 2, 1)));
     if (has_discriminator(config, phase)) {
         const LayerMemory discriminator = discriminator_memory(config, phase);
         // A frozen layer keeps no input, only what its activation needs.

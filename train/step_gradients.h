@@ -38,7 +38,7 @@ struct GeneratorInputs {
     /// Codes of the batch's faces, which the second stage keeps as constants; null: they are
     /// computed (face_codes).
     const Codes* codes = nullptr;
-    /// Required by a weight of loss.identity_weight.
+    /// Required by a weight of identity.
     const IdentityNetwork* identity = nullptr;
 };
 

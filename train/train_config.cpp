@@ -33,9 +33,12 @@ void describe_loss(ConfigSchema& schema, LossConfig& config) {
     schema.number("loss.identity_weight", config.identity_weight, 0.0, 1e6,
                   "1 - cosine between rendered face and photo in a face recognition network "
                   "(paper: none)");
+    schema.number("loss.side_identity_weight", config.side_identity_weight, 0.0, 1e6,
+                  "the same for half of the faces, rendered from half a radian to one side (paper: "
+                  "none)");
     schema.text("loss.identity_network", config.identity_network,
                 ".safetensors file with weights of MobileFaceNet (stymo-weights import) for "
-                "loss.identity_weight; random: only to try it");
+                "both; random: only to try it");
     schema.number("loss.expression_weight", config.expression_weight, 0.0, 1e6,
                   "what half of the faces, drawn with the expressions of the others, fail to show "
                   "of them to encoder.expression_backbone (paper: none)");
@@ -231,8 +234,11 @@ void check_stage1(const TrainConfig& config, const ResolutionLadder& ladder,
 
 void check(const TrainConfig& config, const std::string& source) {
     const ResolutionLadder ladder = checked_ladder(config, source);
-    if (config.loss.identity_weight > 0.0 && config.loss.identity_network.empty())
-        fail<ConfigError>(source, ": loss.identity_weight needs loss.identity_network");
+    if (config.loss.compares_identity() && config.loss.identity_network.empty())
+        fail<ConfigError>(source, ": ",
+                          config.loss.identity_weight > 0.0 ? "loss.identity_weight"
+                                                            : "loss.side_identity_weight",
+                          " needs loss.identity_network");
     if (config.loss.expression_weight > 0.0 &&
         (!uses_encoder(config.model) || config.model.encoder.expression_backbone == no_backbone))
         fail<ConfigError>(source, ": loss.expression_weight needs encoder.expression_backbone");

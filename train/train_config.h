@@ -25,9 +25,15 @@ struct LossConfig {
     double code_norm_weight = 0.0;
     /// Weight of 1 - cosine between rendered face and photo in a face recognition network.
     double identity_weight = 0.0;
+    /// The same for half of the faces, seen from half a radian to one side.
+    double side_identity_weight = 0.0;
     std::string identity_network{};  ///< its weights (IdentityNetwork)
-    /// Weight of what faces with another face's expression fail to show of it (`expression_side`).
+    /// Weight of what faces with another face's expression fail to show of it (`aside_side`).
     double expression_weight = 0.0;
+
+    [[nodiscard]] bool compares_identity() const {
+        return identity_weight > 0.0 || side_identity_weight > 0.0;
+    }
 };
 
 struct OptimizerConfig {

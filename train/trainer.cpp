@@ -59,7 +59,7 @@ Trainer::Trainer(const TrainConfig& config, const Dataset& training, const Datas
       model_(initial_model(config.model, rng_)),
       reconstruction_(config.model.reconstruction) {
     if (uses_encoder(config.model)) require_backbone_weights(config.model.encoder);
-    if (config.loss.identity_weight > 0.0) identity_.emplace(config.loss.identity_network);
+    if (config.loss.compares_identity()) identity_.emplace(config.loss.identity_network);
     require_codes(config, training);
     if (validation != nullptr) require_codes(config, *validation);
     create_offsets(config.stage1.pose_interval > 0);

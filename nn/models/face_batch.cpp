@@ -117,12 +117,20 @@ FaceBatch make_batch(std::span<const Face> faces, std::int64_t smallest_target,
     return batch;
 }
 
-void read_people_from(FaceBatch& batch, std::span<const Face> others, std::vector<Shared> shared) {
-    if (others.size() != batch.cameras.size() || shared.size() != others.size())
-        fail<ShapeError>(others.size(), " photos for the people of ", batch.cameras.size(),
-                         " faces");
-    batch.other_input = with_guesses(
-        known_of_all(others), affine(Variable(stacked(others, &Face::image)), 2.0, -1.0).value());
+void read_people_from(FaceBatch& batch, std::span<const Face> own, std::span<const Face> others,
+                      std::vector<Shared> shared) {
+    const std::size_t count = batch.cameras.size();
+    if (own.size() != count || others.size() != count || shared.size() != count)
+        fail<ShapeError>(others.size(), " photos for the people of ", count, " faces");
+    const auto input = [](std::span<const Face> faces) {
+        return with_guesses(known_of_all(faces),
+                            affine(Variable(stacked(faces, &Face::image)), 2.0, -1.0).value());
+    };
+    batch.input = input(own);
+    batch.other_input = input(others);
+    batch.other_cameras.clear();
+    for (const Face& face : others)
+        batch.other_cameras.push_back(camera_from_pose(face.pose, face.intrinsics));
     batch.shared = std::move(shared);
 }
 

@@ -57,6 +57,7 @@ struct FaceBatch {
     /// (B, S, S, 3) like `input`: photos that show the same people, from which the encoder reads
     /// what they share with the faces; undefined: the faces' own photos.
     Tensor other_input{};
+    std::vector<Camera> other_cameras{};
     std::vector<Shared> shared{};
 
     /// (B, S, S, 1), see nn/known_pixels.h; undefined: all pixels are known. Unknown pixels are
@@ -77,9 +78,11 @@ struct FaceBatch {
 [[nodiscard]] FaceBatch make_batch(std::span<const Face> faces, std::int64_t smallest_target = 64,
                                    std::int64_t largest_target = 0);
 
-/// Lets the encoder read what is shared from `others`, photos of the same people: the code of one
-/// photo then has to render another. Throws ShapeError for another number of faces.
-void read_people_from(FaceBatch& batch, std::span<const Face> others, std::vector<Shared> shared);
+/// Lets the encoder read what is shared from `others`, photos of the same people, and the rest from
+/// `own`, photos of the same moment as the faces: the code of one photo then has to render another.
+/// Throws ShapeError for another number of faces.
+void read_people_from(FaceBatch& batch, std::span<const Face> own, std::span<const Face> others,
+                      std::vector<Shared> shared);
 
 /// Initial codes of the batch's faces in Z: from the encoder, or from `batch.codes` if the model
 /// has no encoder. Throws ValueError, which names the first face whose code is missing.

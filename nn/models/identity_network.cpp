@@ -17,9 +17,10 @@ Variable IdentityNetwork::embeddings(const Variable& images) const {
     return face_embedding(*backbone_, images);
 }
 
-Variable IdentityNetwork::distance(const Variable& images, const Tensor& targets,
-                                   std::span<const ImageAugmentation> frames) const {
-    const Variable theirs = embeddings(augmented(Variable(targets), frames)).detach();
+Variable IdentityNetwork::distance(const Variable& images,
+                                   std::span<const ImageAugmentation> frames, const Tensor& targets,
+                                   std::span<const ImageAugmentation> target_frames) const {
+    const Variable theirs = embeddings(augmented(Variable(targets), target_frames)).detach();
     const Variable cosines = sum(embeddings(augmented(images, frames)) * theirs);
     return -cosines / static_cast<double>(images.shape(0)) + 1.0;
 }

@@ -24,10 +24,12 @@ public:
 
     /// The embeddings (B, 128), of unit length, of images (B, S, S, 3) in [-1, 1] in FFHQ's crop.
     [[nodiscard]] Variable embeddings(const Variable& images) const;
-    /// The mean of 1 - cosine over the embeddings of images and targets (B, S, S, 3), which are
-    /// first brought into FFHQ's crop by their `frames` (ffhq_frame).
-    [[nodiscard]] Variable distance(const Variable& images, const Tensor& targets,
-                                    std::span<const ImageAugmentation> frames) const;
+    /// The mean of 1 - cosine over the embeddings of images and targets (B, S, S, 3), each first
+    /// brought into FFHQ's crop by its frame (ffhq_frame). The targets get no gradient.
+    [[nodiscard]] Variable distance(const Variable& images,
+                                    std::span<const ImageAugmentation> frames,
+                                    const Tensor& targets,
+                                    std::span<const ImageAugmentation> target_frames) const;
 
 private:
     ParameterStore parameters_;

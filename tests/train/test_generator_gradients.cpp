@@ -3,6 +3,7 @@
 
 #include "core/matmul_precision.h"
 #include "core/ops/ops.h"
+#include "nn/realtime/view.h"
 #include "train/step_gradients.h"
 #include "train/tiny_training.h"
 
@@ -247,16 +248,17 @@ TEST_CASE("the expression term is the part of an asked change that the encoder d
     CHECK(term == Approx(length(seen - row(1, 1)) / length(row(1, 1) - row(1, 0))).epsilon(1e-4));
 }
 
-TEST_CASE("the identity term pulls a rendered face towards its photo", "[reconstruction]") {
+TEST_CASE("the identity terms compare rendered faces with the photo, from a side too",
+          "[reconstruction]") {
     TrainConfig config = tiny_train_config();
-    config.loss.identity_weight = 0.5;
     const IdentityNetwork network("random");
     const FaceBatch batch = make_batch(std::vector{synthetic_dataset().load(0)});
     Rng weights(1);
     const Model model(config.model, weights);
     const ReconstructionLoss reconstruction(config.model.reconstruction);
-    const auto evaluate = [&](double weight) {
+    const auto evaluate = [&](double weight, double side_weight) {
         config.loss.identity_weight = weight;
+        config.loss.side_identity_weight = side_weight;
         Rng jitter(2);
         return generator_gradients({.model = model,
                                     .reconstruction = reconstruction,
@@ -265,12 +267,24 @@ TEST_CASE("the identity term pulls a rendered face towards its photo", "[reconst
                                    first_position(config), batch, model.parameters().trainable(),
                                    jitter);
     };
-    const LossAndGradients with = evaluate(0.5), without = evaluate(0.0);
+    const LossAndGradients with = evaluate(0.5, 0.25), without = evaluate(0.0, 0.0);
     CHECK(with.losses["identity"] > 0.0);
-    CHECK(with.losses.total ==
-          Approx(without.losses.total + 0.5 * with.losses["identity"]).epsilon(1e-5));
+    CHECK(with.losses.total == Approx(without.losses.total + 0.5 * with.losses["identity"] +
+                                      0.25 * with.losses["side_identity"])
+                                   .epsilon(1e-5));
     double change = 0.0;
     for (std::size_t i = 0; i < with.gradients.size(); ++i)
         change += sum(abs(with.gradients[i] - without.gradients[i])).value().item();
     CHECK(change > 0.0);
+
+    const auto embedding = [&](const Variable& image, const Camera& camera) {
+        const std::vector<ImageAugmentation> frame{ffhq_frame(camera, config.model.camera)};
+        return network.embeddings(augmented(image, frame));
+    };
+    const Camera aside = model_camera(model, -0.5, 0.0, 0.0);
+    const Decoded face =
+        model.decoder()(face_codes(model, batch, nullptr), {aside}, {.samples_per_ray = 4});
+    const Variable cosine = sum(embedding(face.images.back(), aside) *
+                                embedding(Variable(batch.input), batch.cameras.front()));
+    CHECK(with.losses["side_identity"] == Approx(1.0 - cosine.value().item()).epsilon(1e-4));
 }

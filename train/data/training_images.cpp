@@ -101,7 +101,7 @@ std::optional<Face> TrainingImages::turned(std::int64_t image, const Face& face)
     return turned_face(face, builtin_head(), yaw, pitch);
 }
 
-TrainingImages::Pair TrainingImages::pair(std::int64_t image) const {
+TrainingImages::Trio TrainingImages::trio(std::int64_t image) const {
     const std::int64_t index = face_of(image);
     const std::int64_t other = other_photo_of(image, index);
     const bool mirror =
@@ -112,29 +112,30 @@ TrainingImages::Pair TrainingImages::pair(std::int64_t image) const {
         return face.id == faces_.ids()[static_cast<std::size_t>(photo)];
     };
     const Face face = faces_.load(index);
-    if (const std::optional<Face> view = turned(image, face))
-        return {as_shown(*view), as_shown(face), Shared::all, true};
+    const std::optional<Face> view = turned(image, face);
+    const Face shown = as_shown(view ? *view : face), own = as_shown(face);
     if (other != index && is_of(face, index))
         if (const Face photo = faces_.load(other); is_of(photo, other))
-            return {as_shown(face), as_shown(photo), shared_by(faces_, index, other), true};
-    return {as_shown(face), as_shown(face), Shared::all, false};
+            return {shown, own, as_shown(photo), shared_by(faces_, index, other), true};
+    return {shown, own, own, Shared::all, view.has_value()};
 }
 
 FaceBatch TrainingImages::batch(std::int64_t first_image, std::int64_t count,
                                 std::int64_t largest_target) const {
-    std::vector<Face> faces, others;
+    std::vector<Face> faces, own, others;
     std::vector<Shared> shared;
     bool has_others = false;
     for (std::int64_t image = first_image; image < first_image + count; ++image) {
         if (ahead_ > 0) faces_.announce(face_of(image + ahead_));
-        Pair pair = this->pair(image);
-        faces.push_back(std::move(pair.face));
-        others.push_back(std::move(pair.read));
-        shared.push_back(pair.shared);
-        has_others = has_others || pair.differ;
+        Trio trio = this->trio(image);
+        faces.push_back(std::move(trio.face));
+        own.push_back(std::move(trio.own));
+        others.push_back(std::move(trio.read));
+        shared.push_back(trio.shared);
+        has_others = has_others || trio.differ;
     }
     FaceBatch batch = make_batch(faces, smallest_target_, largest_target);
-    if (has_others) read_people_from(batch, others, std::move(shared));
+    if (has_others) read_people_from(batch, own, others, std::move(shared));
     return batch;
 }
 

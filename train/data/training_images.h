@@ -37,9 +37,10 @@ public:
     [[nodiscard]] double waiting_seconds() const { return faces_.waiting_seconds(); }
 
 private:
-    /// The face that an image shows, and the one whose codes the encoder reads for it.
-    struct Pair {
-        Face face, read;
+    /// The face that an image shows, the photo that it was made of, and the photo of the same
+    /// person from which the encoder reads what both share.
+    struct Trio {
+        Face face, own, read;
         Shared shared = Shared::all;
         bool differ = false;
     };
@@ -48,7 +49,7 @@ private:
     [[nodiscard]] std::int64_t face_of(std::int64_t image) const;
     /// The photo of the same person that the encoder sees for image `image`, or the face itself.
     [[nodiscard]] std::int64_t other_photo_of(std::int64_t image, std::int64_t face) const;
-    [[nodiscard]] Pair pair(std::int64_t image) const;
+    [[nodiscard]] Trio trio(std::int64_t image) const;
     /// The face turned by a random angle, for some of the images.
     [[nodiscard]] std::optional<Face> turned(std::int64_t image, const Face& face) const;
 

@@ -17,9 +17,10 @@ TEST_CASE("the distance of two images is 1 - the cosine of their embeddings", "[
     const Variable a = network.embeddings(one), b = network.embeddings(Variable(other));
     CHECK(a.shape() == Shape{2, 128});
     CHECK(sum(square(a)).value().item() == Approx(2.0));
-    CHECK(network.distance(one, other, whole).value().item() ==
+    CHECK(network.distance(one, whole, other, whole).value().item() ==
           Approx(1.0 - 0.5 * sum(a * b).value().item()).margin(1e-6));
-    CHECK(network.distance(one, one.value(), whole).value().item() == Approx(0.0).margin(1e-6));
+    CHECK(network.distance(one, whole, one.value(), whole).value().item() ==
+          Approx(0.0).margin(1e-6));
 }
 
 TEST_CASE("a camera farther away and aside sees in its frame what the model's camera sees",

@@ -98,6 +98,7 @@ TEST_CASE("what two photos share is read from the other one", "[dataset]") {
         while (!identical(batch.other_input, make_batch(std::vector{faces.load(other)}).input))
             ++other;
         CHECK(other != face);
+        CHECK(batch.other_cameras.front().center == faces.load(other).pose.translation);
         pairs.emplace(face, other);
         const bool same_take = face != 1 && other != 1;
         const bool same_light = same_take || (face < 2 && other < 2);
@@ -121,6 +122,16 @@ TEST_CASE("what two photos share is read from the other one", "[dataset]") {
         CHECK(check_close(joined(codes_of_face(both, i)).value(), joined(alone).value(), 1e-5)
                   .passed);
     }
+
+    // A turned face keeps the expression of its own photo.
+    const TrainingImages all(faces, {.other_photo = 1.0, .turned_photos = 1.0}, Rng(3));
+    std::int64_t shared_image = 0;
+    while (!images.batch(shared_image, 1).other_input.defined()) ++shared_image;
+    const FaceBatch turned = all.batch(shared_image, 1), plain = images.batch(shared_image, 1);
+    CHECK_FALSE(identical(turned.targets.back(), plain.targets.back()));
+    CHECK(identical(turned.input, plain.input));
+    CHECK(identical(turned.other_input, plain.other_input));
+    CHECK(turned.shared == plain.shared);
 
     int with_other = 0;
     const TrainingImages half(faces, {.other_photo = 0.5}, Rng(3));
