@@ -62,6 +62,13 @@ void Explainer::finish(AppResult& result) {
                                                   {"counts", shown("counts", counts_)}}));
 }
 
+AppResult explained(bool wanted, const std::function<AppResult()>& work) {
+    Explainer explainer(wanted);
+    AppResult result = work();
+    explainer.finish(result);
+    return result;
+}
+
 void declare_explain(Command& command, bool& wanted) {
     command
         .flag("--explain", wanted,

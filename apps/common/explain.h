@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -33,6 +34,9 @@ private:
     WorkMeter meter_;
     std::vector<std::pair<std::string, std::int64_t>> counts_;
 };
+
+/// The result of `work`, with a report of all that it did if that is wanted.
+[[nodiscard]] AppResult explained(bool wanted, const std::function<AppResult()>& work);
 
 void declare_explain(Command& command, bool& wanted);
 

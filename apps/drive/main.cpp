@@ -1,17 +1,20 @@
 #include <algorithm>
 #include <filesystem>
 #include <iomanip>
+#include <iostream>
 #include <numeric>
 #include <optional>
 #include <sstream>
 
 #include "apps/common/coefficient_files.h"
 #include "apps/common/command_line.h"
+#include "apps/common/explain.h"
 #include "apps/common/fit_options.h"
 #include "apps/common/table.h"
 #include "apps/common/tool_options.h"
 #include "apps/common/tools.h"
 #include "apps/drive/film_report.h"
+#include "core/angle.h"
 #include "core/clock.h"
 #include "core/error.h"
 #include "core/interrupt.h"
@@ -23,7 +26,7 @@
 #include "fit/video/video_fit.h"
 #include "nn/models/code_file.h"
 #include "nn/models/identity_network.h"
-#include "nn/realtime/face_renderer.h"
+#include "nn/realtime/chosen_tolerance.h"
 #include "render/morphable/head_source.h"
 
 namespace {
@@ -37,6 +40,8 @@ struct Options {
     std::int64_t size = 0;
     bool absolute = false;
     bool measure = false;
+    bool explain = false;
+    double psnr = 45.0;
     stymo::FitJobOptions job;
     stymo::VideoFitOptions fit;
 };
@@ -47,6 +52,26 @@ struct Measures {
     double least_cosine = 1.0, cosines = 0.0;
     std::int64_t compared = 0;
 };
+
+/// A renderer for the face from the sides that a film may show.
+stymo::ChosenRenderer film_renderer(const Options& options, const stymo::Model& model,
+                                    const stymo::Codes& face) {
+    constexpr int sides = 96;  // of which six are checked
+    constexpr double largest_yaw = 40.0;
+    std::vector<stymo::FaceView> views;
+    for (int i = 0; i < sides; ++i) {
+        const double yaw = largest_yaw * (2.0 * i / (sides - 1) - 1.0);
+        views.push_back(
+            {face, stymo::model_camera(model, stymo::radians_from_degrees(yaw), 0.0, 0.0)});
+    }
+    return stymo::choose_renderer(
+        model, views,
+        {.mode = model.decoder().folds() ? stymo::RenderMode::skip : stymo::RenderMode::exact,
+         .samples_per_ray = model.config().reconstruction.fit_samples_per_ray,
+         .resolution = options.size,
+         .remove_floaters = true},
+        options.psnr);
+}
 
 /// Renders the face with the expression and the pose of each frame of a film.
 class Driven {
@@ -61,11 +86,8 @@ public:
           face_(std::move(face)),
           rest_(std::move(rest)),
           plausible_(std::move(plausible)),
-          renderer_(model, {.mode = model.decoder().folds() ? stymo::RenderMode::skip
-                                                            : stymo::RenderMode::exact,
-                            .samples_per_ray = model.config().reconstruction.fit_samples_per_ray,
-                            .resolution = options.size,
-                            .remove_floaters = true}) {
+          chosen_(film_renderer(options, model, face_.codes)) {
+        std::cerr << "the face at rest: " << error_words(chosen_) << std::endl;
         if (options.identity.empty()) return;
         identity_.emplace(options.identity);
         embedding_ = embedding_of(rendered(face_.codes, 0.0, 0.0, 0.0));
@@ -91,8 +113,8 @@ public:
 private:
     [[nodiscard]] stymo::Tensor rendered(const stymo::Codes& codes, double yaw, double pitch,
                                          double roll) {
-        renderer_.show(codes);
-        return renderer_.render(stymo::model_camera(model_, yaw, pitch, roll)).image;
+        chosen_.renderer.show(codes);
+        return chosen_.renderer.render(stymo::model_camera(model_, yaw, pitch, roll)).image;
     }
     [[nodiscard]] std::vector<double> embedding_of(const stymo::Tensor& image) const {
         const stymo::Variable row(image.reshaped({1, image.shape(0), image.shape(1), 3}));
@@ -124,7 +146,7 @@ private:
     stymo::CodeFile face_;
     stymo::Variable rest_;
     stymo::Tensor plausible_;
-    stymo::FaceRenderer renderer_;
+    stymo::ChosenRenderer chosen_;
     std::optional<stymo::IdentityNetwork> identity_;
     std::vector<double> embedding_;
     stymo::Tensor last_;
@@ -313,6 +335,10 @@ int stymo_drive(int argc, char** argv) {
     line.option("--size", options.size,
                 "side of the frames: 64, 128, 256 or 512; 0: the model's resolution")
         .range(0, 512);
+    line.option("--psnr", options.psnr,
+                "decibels that the face at rest has, from 40 degrees to either side, against exact "
+                "images; six of them are checked")
+        .range(20, 90);
     line.flag("--absolute", options.absolute,
               "give the face the expressions of the film themselves; by default it gets what "
               "differs from their mean, or the coefficients' expressions in addition to its own");
@@ -328,7 +354,10 @@ int stymo_drive(int argc, char** argv) {
     line.option("--identity", options.identity,
                 "weights of MobileFaceNet, written by stymo-weights import: also measure whether "
                 "the face stays the same person");
+    stymo::declare_explain(line, options.explain);
     stymo::declare_video(line, options.fit);
     stymo::declare_preparation_files(line, options.job.preparation);
-    return line.run(argc, argv, [&](const stymo::CommonOptions&) { return drive(options); });
+    return line.run(argc, argv, [&](const stymo::CommonOptions&) {
+        return stymo::explained(options.explain, [&] { return drive(options); });
+    });
 }

@@ -96,10 +96,8 @@ std::vector<View> views(const RenderOptions& options, const Model& model,
 /// What was measured, in one line.
 void report(const ChosenRenderer& chosen) {
     if (chosen.error.views == 0) return;
-    std::cerr << std::setprecision(3) << name_of(chosen.mode) << ", tolerance " << chosen.tolerance
-              << ": at worst " << chosen.error.worst_psnr << " dB, and a pixel off by "
-              << chosen.error.worst_pixel << ", against exact images of " << chosen.error.views
-              << (chosen.error.views == 1 ? " view" : " of the views") << std::endl;
+    std::cerr << name_of(chosen.mode) << ", tolerance " << chosen.tolerance
+              << ": " << error_words(chosen) << std::endl;
 }
 
 std::vector<Tensor> images_of(const std::vector<View>& views, Tensor View::*part) {

@@ -10,8 +10,8 @@
 #include "core/error.h"
 #include "core/io/image.h"
 #include "core/io/jpeg.h"
-#include "core/metrics.h"
 #include "nn/models/display_image.h"
+#include "nn/realtime/chosen_tolerance.h"
 #include "nn/realtime/view.h"
 
 namespace stymo::view {
@@ -218,8 +218,8 @@ struct FrameRenderer::State {
         if (quality == Quality::moving) return moving;
         return quality == Quality::thumbnail ? thumbnail : still;
     }
-    /// Adapts the tolerance until the moving frame of this view has about the wanted PSNR. Returns
-    /// what it has, or nothing if stopped.
+    /// Adapts the tolerance until the moving frame of this view has about the wanted PSNR, and no
+    /// pixel is off by more than goes with it. Returns the PSNR, or nothing if stopped.
     [[nodiscard]] std::optional<double> adapt(const FrameRequest& request, const Tensor& exact,
                                               const std::stop_token& stop);
 };
@@ -237,14 +237,16 @@ std::optional<double> FrameRenderer::State::adapt(const FrameRequest& request, c
             moving.for_request(request, options).render(request.camera, stop);
         if (!view) return std::nullopt;
         const Tensor picture = picture_of(*view, request, exact.shape(0));
-        reached = std::min(peak_signal_to_noise_ratio(enlarged(picture, exact.shape(0)), exact),
-                           highest_psnr);
+        FrameError error;
+        error.add(enlarged(picture, exact.shape(0)), exact);
+        reached = std::min(error.worst_psnr, highest_psnr);
         if (is_half_side(request)) return reached;
-        if (*reached < settings.psnr && tolerance > least_tolerance) {
+        if (!error.within(settings.psnr) && tolerance > least_tolerance) {
             tolerance /= step;
         } else {
             // The tolerance grows by only one step in a frame, so that it does not oscillate.
-            if (i == 0 && *reached > settings.psnr + psnr_to_spare && tolerance < largest_tolerance)
+            if (i == 0 && error.within(settings.psnr + psnr_to_spare) &&
+                tolerance < largest_tolerance)
                 tolerance *= step;
             return reached;
         }

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <iomanip>
-#include <sstream>
 
 #include "apps/common/tool_options.h"
 #include "apps/view/private_file.h"
@@ -166,16 +164,6 @@ Tensor pointed_part(const SharedState& shared, const ListedFace& face, const Col
     return part_mask(classes, chosen);
 }
 
-/// What was measured to choose a film's tolerance.
-std::string error_note(const ChosenRenderer& chosen) {
-    if (chosen.error.views == 0) return "every frame is exact";
-    std::ostringstream text;
-    text << std::setprecision(3) << "the worst of " << chosen.error.views << " frames has "
-         << chosen.error.worst_psnr << " dB against an exact one, its worst pixel "
-         << "differs by " << chosen.error.worst_pixel;
-    return text.str();
-}
-
 }  // namespace
 
 Job::Body fit_photo(SharedState& shared, Session& session, std::string photo, std::string cover,
@@ -234,7 +222,7 @@ Job::Body film(SharedState& shared, const ListedFace& face, const FilmQuery& que
         job.report("choosing the tolerance", 0, 0);
         ChosenRenderer chosen = choose_renderer(model, views, wanted, settings.psnr);
         if (tolerates(chosen.mode)) *face.tolerance = chosen.tolerance;
-        job.add_note(error_note(chosen));
+        job.add_note(error_words(chosen));
         chosen.renderer.show(face.face.codes);
         std::vector<Tensor> frames;
         for (const Camera& camera : query.cameras) {

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iomanip>
+#include <sstream>
 #include <vector>
 
 #include "core/metrics.h"
@@ -42,6 +44,10 @@ void FrameError::add(const Tensor& image, const Tensor& exact) {
     ++views;
 }
 
+bool FrameError::within(double psnr) const {
+    return worst_psnr >= psnr && worst_pixel <= largest_pixel_error * allowed_factor(psnr);
+}
+
 ChosenRenderer choose_renderer(const Model& model, std::span<const FaceView> views,
                                const RendererOptions& options, double psnr) {
     RendererOptions exact_options = options;
@@ -61,8 +67,7 @@ ChosenRenderer choose_renderer(const Model& model, std::span<const FaceView> vie
         .exact_frames = count};
     const double wanted = std::min(psnr + spare_decibels, psnr_of_equal_frames);
     const auto suffices = [&] {
-        return fast.error.worst_psnr >= wanted &&
-               fast.error.worst_pixel <= largest_pixel_error * allowed_factor(psnr);
+        return fast.error.worst_psnr >= wanted && fast.error.within(psnr);
     };
     for (std::int64_t i = 0; i < most_tolerances; ++i, fast.tolerance *= 0.5) {
         fast.renderer.set_tolerance(fast.tolerance);
@@ -76,6 +81,15 @@ ChosenRenderer choose_renderer(const Model& model, std::span<const FaceView> vie
     exact.exact_frames = fast.exact_frames;
     exact.fast_frames = fast.fast_frames;
     return exact;
+}
+
+std::string error_words(const ChosenRenderer& chosen) {
+    if (chosen.error.views == 0) return "every frame is exact";
+    std::ostringstream text;
+    text << std::setprecision(3) << "at worst " << chosen.error.worst_psnr
+         << " dB, and a pixel off by " << chosen.error.worst_pixel << ", against exact images of "
+         << chosen.error.views << (chosen.error.views == 1 ? " view" : " of the views");
+    return text.str();
 }
 
 }  // namespace stymo

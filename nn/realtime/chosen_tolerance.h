@@ -2,10 +2,14 @@
 
 #include <cstdint>
 #include <span>
+#include <string>
 
 #include "nn/realtime/face_renderer.h"
 
 namespace stymo {
+
+/// Largest error of a pixel in the checked views at 45 dB.
+inline constexpr double largest_pixel_error = 0.15;
 
 /// One face seen by one camera.
 struct FaceView {
@@ -20,6 +24,9 @@ struct FrameError {
     std::int64_t views = 0;     ///< number of views that were compared
 
     void add(const Tensor& image, const Tensor& exact);
+    /// Whether every view has `psnr`, and no pixel is off by more than `largest_pixel_error` at 45
+    /// dB, half of that at 51 dB, and so on.
+    [[nodiscard]] bool within(double psnr) const;
 };
 
 /// A renderer for a list of views, and what was measured to choose it.
@@ -42,16 +49,15 @@ inline constexpr std::int64_t most_tolerances = 4;
 /// So many decibels more are asked for in the checked views, because others may be worse.
 inline constexpr double spare_decibels = 1.5;
 
-/// Largest error of a pixel in the checked views at 45 dB; it halves with every 6 dB more.
-inline constexpr double largest_pixel_error = 0.15;
-
-/// A renderer of options.mode whose frames of these views have a PSNR of at least `psnr` against
-/// exact frames, also in the worst view, and no pixel that is off by more than
-/// `largest_pixel_error`. Checks some of the views, evenly spread. Tolerances go
-/// down by factors of 2 from options.tolerance, or from a smaller one if more than 45 dB are
-/// wanted. The renderer is exact if none suffices, if the mode tolerates none, and for fewer than
-/// `views_per_check` views. Throws what FaceRenderer and its `show` throw.
+/// A renderer of options.mode whose frames of these views are within `psnr` of exact frames. Checks
+/// some of the views, evenly spread. Tolerances go down by factors of 2 from options.tolerance, or
+/// from a smaller one if more than 45 dB are wanted. The renderer is exact if none suffices, if the
+/// mode tolerates none, and for fewer than `views_per_check` views. Throws what FaceRenderer and
+/// its `show` throw.
 [[nodiscard]] ChosenRenderer choose_renderer(const Model& model, std::span<const FaceView> views,
                                              const RendererOptions& options, double psnr);
+
+/// What was measured, in words for users: "every frame is exact" if nothing was checked.
+[[nodiscard]] std::string error_words(const ChosenRenderer& chosen);
 
 }  // namespace stymo

@@ -190,13 +190,15 @@ TEST_CASE("A face is driven by coefficients of ARKit's shapes and rotations of t
         write_file(tiny_run() / "take.csv", header + ",HeadYaw,HeadPitch,HeadRoll\n" + rows);
         return run_tool(tiny_run(),
                         "stymo-drive --codes fit/codes.json --model run/model.safetensors "
-                        "--coefficients take.csv --out coefficients.mp4 --rate 30");
+                        "--coefficients take.csv --out coefficients.mp4 --rate 30 --explain");
     };
     const ToolOutcome outcome =
         drive(row + ",0,0,0\n" + row + ",0.6,0,0\n00:00:00:02.000,0\n" + row + ",-0.6,0,0\n");
     INFO(outcome.err);
     REQUIRE(outcome.exit_code == 0);
     CHECK_THAT(outcome.out, Catch::StartsWith("4 frames, "));
+    CHECK_THAT(outcome.err,
+               Catch::Contains("the face at rest: at worst") && Catch::Contains("field points"));
     FilmReader reader(tiny_run() / "coefficients.mp4");
     CHECK(reader.frames_per_second() == Approx(30.0));
     std::vector<Tensor> frames;

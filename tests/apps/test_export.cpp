@@ -159,7 +159,8 @@ TEST_CASE("The shipped model's faces become glTF files", "[export][slow]") {
     run("stymo-render --sample 1 --out drawn");
     const json result =
         json::parse(run("stymo-export mesh --codes drawn/0000.json --out a.glb --texture 256 "
-                        "--check a.png --json"));
+                        "--check a.png --json --explain"));
+    CHECK(result["explain"]["counts"]["field_points"] > 0);
     // Straight on the mesh is the frame, apart from the rim.
     CHECK(result["check"]["psnr_inside"][4] > 26.0);
     CHECK(result["check"]["overlap"][4] > 0.9);
