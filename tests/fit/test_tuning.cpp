@@ -5,6 +5,7 @@
 #include "fit/tuning.h"
 #include "nn/realtime/view.h"
 #include "support/check_close.h"
+#include "support/thread_count.h"
 #include "support/tiny_model.h"
 
 using namespace stymo;
@@ -98,14 +99,21 @@ TEST_CASE("tuning changes all but the mapping networks of the decoder", "[tuning
     }
 }
 
-TEST_CASE("tuning for a number of steps gives the same bits each time", "[tuning]") {
+TEST_CASE("tuning for a number of steps gives the same bits with any number of threads",
+          "[tuning]") {
     const Case given;
     // Two selections of samples and five anchors.
     const TuningOptions options{.steps = 10};
-    const Model one = given.tuned(options), two = given.tuned(options);
-    for (std::size_t i = 0; i < one.parameters().all().size(); ++i)
-        CHECK(identical(one.parameters().all()[i].variable().value(),
-                        two.parameters().all()[i].variable().value()));
+    const Model one = given.tuned(options);
+    const ThreadCount guard;
+    for (const int threads : {1, 2, 5}) {
+        set_thread_count(threads);
+        const Model two = given.tuned(options);
+        INFO(threads << " threads");
+        for (std::size_t i = 0; i < one.parameters().all().size(); ++i)
+            CHECK(identical(one.parameters().all()[i].variable().value(),
+                            two.parameters().all()[i].variable().value()));
+    }
 }
 
 TEST_CASE("tuning uses each photo in turn", "[tuning]") {

@@ -1,5 +1,6 @@
 #include "cases/stability/case.h"
 #include "core/kernels/gemm.h"
+#include "core/matmul_precision.h"
 #include "core/ops/ops.h"
 #include "core/rng.h"
 #include "render/encoding.h"
@@ -108,9 +109,18 @@ Variable split_product(const Tensor& a, const Tensor& b) {
     return matmul(upper_a, upper_b) + matmul(upper_a, lower_b) + matmul(lower_a, upper_b);
 }
 
+/// The product as `--precision medium` computes it where the processor has no instructions for it.
+Variable rounded_product(const Tensor& a, const Tensor& b) {
+    const PrecisionScope scope(MatmulPrecision::medium, true);
+    return matmul(Variable(a), Variable(b));
+}
+
+using Product = Variable (*)(const Tensor&, const Tensor&);
+
 /// A product whose summands cancel to a small part of their magnitude. The sum of the magnitudes
 /// stands beside it, because the error is relative to that.
-StabilityCase split(const std::string& name, double magnitude) {
+StabilityCase cancelling(const std::string& numbers, double magnitude, Product multiply) {
+    const bool in_parts = multiply == split_product;
     Tensor a = Rng(25).normal({1, 8, 512}, 0.0, magnitude);
     const Tensor b = Rng(26).normal({1, 256, 8}, 0.0, 1.0);
     // The second half of the inner elements repeats the first with the other sign, almost.
@@ -119,13 +129,15 @@ StabilityCase split(const std::string& name, double magnitude) {
         if (i % 512 >= 256) values[i] = -values[i - 256] * 1.0001F;
     const Tensor twice = concat({Variable(b), Variable(b)}, 1).value();
     return {
-        .name = name,
-        .behaviour = "products of two 16-bit parts each, error 2^-15 of the magnitudes",
-        .value_bound = 0x1p-15,
+        .name = std::string(in_parts ? "a product in two parts" : "a product in bfloat16") +
+                " that cancels" + numbers,
+        .behaviour = in_parts ? "products of two 16-bit parts each, error 2^-15 of the magnitudes"
+                              : "operands of 16 bits, error 2^-7 of the magnitudes",
+        .value_bound = in_parts ? 0x1p-15 : 0x1p-7,
         .run = [=](DType dtype) {
             const Tensor right = twice.to(dtype), left = a.to(dtype);
             const Variable product = dtype == DType::float32
-                                         ? split_product(left, right)
+                                         ? multiply(left, right)
                                          : matmul(Variable(left), Variable(right));
             return StabilityResult{
                 .values = {concat({product, matmul(abs(Variable(left)), abs(Variable(right)))}, 1)
@@ -137,13 +149,16 @@ StabilityCase split(const std::string& name, double magnitude) {
 
 std::vector<StabilityCase> product_cases() {
     const std::string behaviour = "Winograd's form, whose transforms stay within float32's range";
-    return {
+    std::vector<StabilityCase> cases{
         convolution("convolution of images of 1e18", behaviour, 1e18, 1.0),
         convolution("convolution of images of 1e-18", behaviour, 1e-18, 1.0),
-        convolution("convolution of images of 1e18 with weights of 1e-18", behaviour, 1e18, 1e-18),
-        split("a product in two parts that cancels", 1.0),
-        split("a product in two parts that cancels, numbers of 1e30", 1e30),
-        split("a product in two parts that cancels, numbers of 1e-30", 1e-30)};
+        convolution("convolution of images of 1e18 with weights of 1e-18", behaviour, 1e18, 1e-18)};
+    for (const Product multiply : {split_product, rounded_product}) {
+        cases.push_back(cancelling("", 1.0, multiply));
+        cases.push_back(cancelling(", numbers of 1e30", 1e30, multiply));
+        cases.push_back(cancelling(", numbers of 1e-30", 1e-30, multiply));
+    }
+    return cases;
 }
 
 }  // namespace stymo::stability
