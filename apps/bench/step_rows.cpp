@@ -1,8 +1,11 @@
 #include <algorithm>
+#include <cmath>
+#include <span>
 
 #include "apps/bench/study.h"
 #include "core/autograd/grad.h"
 #include "core/clock.h"
+#include "core/kernels/conv_algorithms.h"
 #include "core/kernels/gemm.h"
 #include "core/matmul_precision.h"
 #include "core/parallel.h"
@@ -158,6 +161,45 @@ Measurement layer(const BenchOptions& options, std::int64_t points, Activation a
             .limit = limit_of(matmul_precision())};
 }
 
+/// The root mean square of the differences, relative to that of the exact numbers.
+double rounding(const Tensor& result, const Tensor& exact) {
+    const std::span<const float> values = result.values<float>();
+    const std::span<const double> wanted = exact.values<double>();
+    double squares = 0.0, norm = 0.0;
+    for (std::size_t i = 0; i < values.size(); ++i) {
+        const double difference = static_cast<double>(values[i]) - wanted[i];
+        squares += difference * difference;
+        norm += wanted[i] * wanted[i];
+    }
+    return std::sqrt(squares / norm);
+}
+
+using Convolve = void (*)(const float*, const float*, const kernels::ConvFinish<float>&, float*,
+                          const kernels::ConvGeometry&);
+
+/// A convolution as networks for LPIPS and the discriminator have it, and its rounding.
+Measurement convolution(const BenchOptions& options, Convolve convolve) {
+    const Shape images{4, 128, 128, 64}, filters{64, 3, 3, 64};
+    const kernels::ConvGeometry geometry(images, filters, images, {.padding = 1});
+    Rng rng = Rng(options.seed).split("convolution");
+    const Tensor x = rng.normal(images, 0.0, 1.0), weight = rng.normal(filters, 0.0, 1.0);
+    Tensor y(images);
+    const float *const pixels = x.values<float>().data(), *const taps =
+                                                              weight.values<float>().data();
+    float* const result = y.mutable_values<float>().data();
+    Measurement measured{
+        .timing = time_repeated(options.repeats, 0.1 * options.repeats,
+                                [&] { convolve(pixels, taps, {}, result, geometry); }),
+        .work =
+            static_cast<double>(geometry.batch * geometry.output_image() * geometry.filter_size())};
+    const Tensor exact_x = x.to(DType::float64), exact_weight = weight.to(DType::float64);
+    Tensor exact(images, DType::float64);
+    kernels::direct_conv2d(exact_x.values<double>().data(), exact_weight.values<double>().data(),
+                           {}, exact.mutable_values<double>().data(), geometry);
+    measured.remark = "rounding " + significant(rounding(y, exact), 2);
+    return measured;
+}
+
 }  // namespace
 
 std::vector<SpeedRow> step_rows() {
@@ -190,7 +232,11 @@ std::vector<SpeedRow> kernel_rows() {
             {"product-high", "kernels", "the same on matrix tiles where the processor has them",
              with(layer, few_points, Activation::none, high)},
             {"product-medium", "kernels", "the same with operands in bfloat16",
-             with(layer, few_points, Activation::none, medium)}};
+             with(layer, few_points, Activation::none, medium)},
+            {"convolution", "kernels", "3x3, 64 channels, 4 images of 128 pixels, Winograd",
+             with(convolution, kernels::winograd_conv2d)},
+            {"convolution-direct", "kernels", "the same as a matrix product",
+             with(convolution, kernels::direct_conv2d<float>)}};
 }
 
 }  // namespace stymo
