@@ -79,7 +79,7 @@ Variable identity_term(const LossInputs& in, LossValues&) {
     return identity_distance(in, in.decoded.images.back(), in.batch.cameras);
 }
 
-/// The first faces of the batch with other codes and cameras.
+/// Further faces, rendered beside those of the batch.
 Variable faces_aside(const LossInputs& in, const Codes& codes, const std::vector<Camera>& cameras) {
     const Decoder& decoder = in.model.decoder();
     return decoder(codes, cameras,

@@ -139,7 +139,9 @@ void AdversarialStage::load_faces(const TrainingPosition& position) {
     for_each_micro_batch(std::ssize(batches_), phase.execution.side_by_side, [&](std::int64_t k) {
         MicroBatch batch = load_micro_batch(parts_, position, k);
         batch.codes = detached(face_codes(parts_.model, batch.faces, parts_.offsets));
-        batch.faces.input = batch.faces.other_input = {};  // nothing else reads them
+        // Of what follows the identity term alone reads the photos.
+        if (parts_.config.loss.identity_weight == 0.0)
+            batch.faces.input = batch.faces.other_input = {};
         batches_[static_cast<std::size_t>(k)] = std::move(batch);
     });
 }

@@ -96,6 +96,7 @@ Measurement train_step(const BenchOptions& options, bool perceptual) {
                            trunk_work(config.model, perceptual);
     return {.timing = time_repeated(options.repeats, 0.0, step),
             .work = 3.0 * forward,
+            .limit = limit_of(matmul_precision()),
             .remark = "with the encoder, which the peer does without"};
 }
 

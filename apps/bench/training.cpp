@@ -51,6 +51,7 @@ Measurement training_step(const BenchOptions& options, const std::string& config
     TrainingSteps steps(configuration, options.seed);
     Measurement result{.timing = time_repeated(options.repeats, 0.0,
                                                [&] { static_cast<void>(steps.trainer.step()); })};
+    result.limit = limit_of(matmul_precision());
     const TrainConfig& config = steps.config;
     const auto trunk = static_cast<double>(trunk_multiply_adds(
         config.model.reconstruction.perceptual.network, config.model.decoder.resolution));

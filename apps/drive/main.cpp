@@ -56,8 +56,8 @@ struct Measures {
 /// A renderer for the face from the sides that a film may show.
 stymo::ChosenRenderer film_renderer(const Options& options, const stymo::Model& model,
                                     const stymo::Codes& face) {
-    constexpr int sides = 96;  // of which six are checked
-    constexpr double largest_yaw = 40.0;
+    constexpr int sides = 96;  // of which six are checked, from -40 to 40 degrees
+    constexpr double largest_yaw = 48.0;
     std::vector<stymo::FaceView> views;
     for (int i = 0; i < sides; ++i) {
         const double yaw = largest_yaw * (2.0 * i / (sides - 1) - 1.0);
@@ -337,7 +337,7 @@ int stymo_drive(int argc, char** argv) {
         .range(0, 512);
     line.option("--psnr", options.psnr,
                 "decibels that the face at rest has, from 40 degrees to either side, against exact "
-                "images; six of them are checked")
+                "images of the same --matmul-precision; six of them are checked")
         .range(20, 90);
     line.flag("--absolute", options.absolute,
               "give the face the expressions of the film themselves; by default it gets what "

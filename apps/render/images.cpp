@@ -96,7 +96,7 @@ std::vector<View> views(const RenderOptions& options, const Model& model,
 /// What was measured, in one line.
 void report(const ChosenRenderer& chosen) {
     if (chosen.error.views == 0) return;
-    std::cerr << name_of(chosen.mode) << ", tolerance " << chosen.tolerance
+    std::cerr << std::setprecision(3) << name_of(chosen.mode) << ", tolerance " << chosen.tolerance
               << ": " << error_words(chosen) << std::endl;
 }
 

@@ -239,7 +239,7 @@ std::optional<double> FrameRenderer::State::adapt(const FrameRequest& request, c
         const Tensor picture = picture_of(*view, request, exact.shape(0));
         FrameError error;
         error.add(enlarged(picture, exact.shape(0)), exact);
-        reached = std::min(error.worst_psnr, highest_psnr);
+        reached = error.worst_psnr;
         if (is_half_side(request)) return reached;
         if (!error.within(settings.psnr) && tolerance > least_tolerance) {
             tolerance /= step;

@@ -57,7 +57,7 @@ struct FaceBatch {
     /// (B, S, S, 3) like `input`: photos that show the same people, from which the encoder reads
     /// what they share with the faces; undefined: the faces' own photos.
     Tensor other_input{};
-    std::vector<Camera> other_cameras{};
+    std::vector<Camera> other_cameras{};  ///< of these photos
     std::vector<Shared> shared{};
 
     /// (B, S, S, 1), see nn/known_pixels.h; undefined: all pixels are known. Unknown pixels are

@@ -252,7 +252,11 @@ TEST_CASE("the identity terms compare rendered faces with the photo, from a side
           "[reconstruction]") {
     TrainConfig config = tiny_train_config();
     const IdentityNetwork network("random");
-    const FaceBatch batch = make_batch(std::vector{synthetic_dataset().load(0)});
+    // The photo that the identity is read from is another one, from another camera.
+    const Dataset faces = synthetic_dataset();
+    const std::vector<Face> shown{faces.load(0)}, read{faces.load(1)};
+    FaceBatch batch = make_batch(shown);
+    read_people_from(batch, shown, read, {Shared::person});
     Rng weights(1);
     const Model model(config.model, weights);
     const ReconstructionLoss reconstruction(config.model.reconstruction);
@@ -284,7 +288,8 @@ TEST_CASE("the identity terms compare rendered faces with the photo, from a side
     const Camera aside = model_camera(model, -0.5, 0.0, 0.0);
     const Decoded face =
         model.decoder()(face_codes(model, batch, nullptr), {aside}, {.samples_per_ray = 4});
-    const Variable cosine = sum(embedding(face.images.back(), aside) *
-                                embedding(Variable(batch.input), batch.cameras.front()));
+    const Variable cosine =
+        sum(embedding(face.images.back(), aside) *
+            embedding(Variable(batch.other_input), batch.other_cameras.front()));
     CHECK(with.losses["side_identity"] == Approx(1.0 - cosine.value().item()).epsilon(1e-4));
 }

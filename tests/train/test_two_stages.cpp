@@ -124,6 +124,9 @@ TEST_CASE("without the mask's loss its branch is neither computed nor trained", 
 TEST_CASE("a step of the second stage encodes each of its photos once, for all its updates",
           "[work]") {
     TrainConfig config = tiny_two_stage_config();
+    // Its term reads the photos after they were encoded.
+    config.loss.identity_weight = 0.1;
+    config.loss.identity_network = "random";
     for (const double adversarial : {0.1, 0.0}) {
         config.loss.adversarial_weight = adversarial;
         Trainer trainer(config, faces(), nullptr, 5);
