@@ -35,14 +35,20 @@ std::optional<LiveFace::Sight> LiveFace::see(const Tensor& image) {
     constexpr double newest = 0.6;
     smooth_ = starts || !smooth_.defined() ? expression : between(smooth_, expression, newest);
     constexpr std::int64_t frames_at_rest = 10;
+    const Pose& pose = work.frame.pose;
     ++seen_;
-    if (seen_ == 1)
+    if (seen_ == 1) {
         rest_ = expression;
-    else if (seen_ <= frames_at_rest)
+        first_yaw_ = pose.yaw;
+        first_pitch_ = pose.pitch;
+        first_roll_ = work.frame.roll;
+    } else if (seen_ <= frames_at_rest) {
         rest_ = between(rest_, expression, 1.0 / static_cast<double>(seen_));
+    }
     Variable change = Variable(smooth_) - Variable(rest_);
     if (plausible_.defined()) change = matmul(change, plausible_);
-    return Sight{change.value(), work.frame.pose.yaw, work.frame.pose.pitch, work.frame.roll};
+    return Sight{change.value(), pose.yaw - first_yaw_, pose.pitch - first_pitch_,
+                 work.frame.roll - first_roll_};
 }
 
 }  // namespace stymo

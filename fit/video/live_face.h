@@ -15,7 +15,8 @@ public:
         /// What is to be added to another face's expression, (1, 79); like what stymo-drive adds,
         /// it is drawn to what the model's faces do (plausible_changes).
         Tensor change;
-        double yaw = 0.0, pitch = 0.0, roll = 0.0;  ///< of the head in the image, as in Pose
+        /// Of the head, as in Pose, from where it looked in the first image: cameras stand aside.
+        double yaw = 0.0, pitch = 0.0, roll = 0.0;
     };
 
     /// `preparation` has the `settings_for` the model, which has an encoder. Both must outlive the
@@ -31,6 +32,7 @@ private:
     Tensor plausible_;
     FaceTracker tracker_;
     Tensor rest_, smooth_;  ///< (1, 79)
+    double first_yaw_ = 0.0, first_pitch_ = 0.0, first_roll_ = 0.0;
     std::int64_t seen_ = 0;
 };
 
