@@ -104,6 +104,10 @@ Variable side_identity_term(const LossInputs& in, LossValues&) {
     return identity_distance(in, faces_aside(in, codes, cameras), cameras);
 }
 
+/// The least change that an expression counts as, a part of the mean square of the codes. Two
+/// expressions that have nothing to do with each other differ by twice that mean.
+constexpr double expression_floor = 0.2;
+
 /// The first half of the faces gets the expressions of the second. What the encoder sees of them
 /// differs from what was asked for by this part of what was asked to change.
 Variable expression_term(const LossInputs& in, LossValues&) {
@@ -117,7 +121,10 @@ Variable expression_term(const LossInputs& in, LossValues&) {
     const Variable seen = in.model.encoder().expression(
         augmented(faces_aside(in, mixed, cameras), ffhq_frames(cameras, in.config.model.camera)));
     const Variable asked = mean(square(rows(1, half) - rows(1, 0)));
-    return mean(square(seen - rows(1, half))) / (asked + 1e-12);
+    // Two expressions that are alike ask for nothing; without a floor their noise is all that
+    // counts.
+    const Variable size = mean(square(in.codes.groups[1]));
+    return mean(square(seen - rows(1, half))) / (asked + expression_floor * size + 1e-12);
 }
 
 Variable code_term(const LossInputs& in, LossValues&) {

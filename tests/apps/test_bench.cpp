@@ -103,7 +103,7 @@ TEST_CASE("The curve is written as JSON, CSV and Markdown") {
     CHECK(names_in_table(stymo::read_file(folder / "curve.md")).empty());
 }
 
-TEST_CASE("A peer stands beside the rows that it has, and one that fails is named") {
+TEST_CASE("A peer stands beside the rows that it has, and one that fails is named", "[slow]") {
     stymo::write_file(tiny_run() / "peer.py", "print('disc: 1500.0 ms  (threads 1)')\n");
     stymo::write_file(tiny_run() / "broken.py", "raise SystemExit('no memory')\n");
     const bool torch =

@@ -223,7 +223,7 @@ TEST_CASE("A face is driven by coefficients of ARKit's shapes and rotations of t
     }
 }
 
-TEST_CASE("Films that cannot be used are refused with one line, and nothing is written") {
+TEST_CASE("Films that cannot be used are refused with one line, and nothing is written", "[slow]") {
     if (!has_film()) return;
     const std::string film = read_file(tiny_run() / "film.mp4");
     write_file(tiny_run() / "cut.mp4", film.substr(0, film.size() / 2));

@@ -48,7 +48,7 @@ std::string bytes(const std::string& file) {
 
 }  // namespace
 
-TEST_CASE("1, 2 and 4 ranks write the same files, and any number resumes") {
+TEST_CASE("1, 2 and 4 ranks write the same files, and any number resumes", "[slow]") {
     if (!stymo::can_start_ranks()) return;
     const std::string steps =
         "--set stage1.batch=4 --set stage1.micro_batch=1 --set output.checkpoint_steps=2 ";

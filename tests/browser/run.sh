@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Tests the viewer's page in Chromium. Needs Debian's chromium and nodejs, and playwright-core of
 # npm, which STYMO_PLAYWRIGHT or NODE_PATH may name as a folder of node_modules.
-# Usage: run.sh STYMO_VIEW [TEST...]. Exits with 77 (skipped) where something is missing.
+# Usage: run.sh STYMO_VIEW [--fast | TEST...]. Exits with 77 (skipped) where something is missing.
 set -euo pipefail
 viewer=${1:?usage: run.sh STYMO_VIEW [TEST...]}
 shift

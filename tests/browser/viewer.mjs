@@ -1,5 +1,6 @@
 // The viewer's page in a real browser. Each test opens a page of its own.
-// Usage: node viewer.mjs ADDRESS NODE_MODULES CHROMIUM WORK_FOLDER [TEST...]
+// Usage: node viewer.mjs ADDRESS NODE_MODULES CHROMIUM WORK_FOLDER [--fast | TEST...]
+// --fast leaves out the tests that are marked as slow.
 
 import assert from "node:assert/strict";
 import fs from "node:fs";
@@ -9,6 +10,7 @@ import path from "node:path";
 import { acts, headFilm, places, shift, width } from "./head_film.mjs";
 
 const [address, modules, chromium, work, ...wanted] = process.argv.slice(2);
+const fast = wanted[0] === "--fast";
 const require = createRequire(path.resolve(modules, "package.json"));
 const playwright = require(path.resolve(modules, "playwright-core"));
 const slow = 120000;  // milliseconds, for a machine that is busy
@@ -349,7 +351,7 @@ test("another face of a photo is chosen, also while one is fitted", async (page)
   await page.setInputFiles("#photo", path.join(work, "photo.jpg"));
   assert.equal((await jobEnds(page, 3)).state, "done");
   assert.ok(!await page.locator("#which").isVisible());
-});
+}, { slow: true });
 
 test("a page that is closed while it fits does not hold up another", async (page) => {
   const file = await photoOfAFace(page);
@@ -362,7 +364,7 @@ test("a page that is closed while it fits does not hold up another", async (page
   await other.close();
   await page.click("#mesh");
   assert.equal((await jobEnds(page)).state, "done");
-});
+}, { slow: true });
 
 test("a fit is cancelled and leaves no face", async (page) => {
   const file = await photoOfAFace(page);
@@ -443,7 +445,7 @@ test("the window follows a head before the camera", async (page) => {
   assert.ok(await page.evaluate(() => window.stymo.state.eye !== null));
   await page.keyboard.press("Escape");
   assert.equal(await page.evaluate(() => window.stymo.state.eye), null);
-}, { camera: places });
+}, { slow: true, camera: places });
 
 test("the face does as the one before the camera, like a mirror", async (page) => {
   await page.locator(".face").nth(1).getByRole("button", { name: "Show" }).click();
@@ -495,7 +497,7 @@ test("two pages have faces of their own; one that is closed does not matter", as
   await other.close();
   await drag(page, -40, 0);
   await settled(page);
-});
+}, { slow: true });
 
 test("the page is readable at phone width", async (page) => {
   await page.setViewportSize({ width: 375, height: 740 });
@@ -527,7 +529,7 @@ test("a moving picture comes often and soon", async (page) => {
   console.log(`  ${rate.toFixed(1)} pictures/s of ${side} pixels, ` +
     `${latencies[latencies.length >> 1].toFixed(0)} ms from a movement to its picture (median)`);
   assert.ok(rate > 2);
-});
+}, { slow: true });
 
 // ---- running them ----
 
@@ -544,7 +546,7 @@ async function cameraBrowser(scenes) {
 
 let failed = 0;
 for (const { name, body, options } of tests) {
-  if (wanted.length && !wanted.some((part) => name.includes(part))) continue;
+  if (fast ? options.slow : wanted.length && !wanted.some((part) => name.includes(part))) continue;
   const own = options.camera ? await cameraBrowser(options.camera) : browser;
   const context = await own.newContext({
     viewport: { width: 1280, height: 900 }, acceptDownloads: true });

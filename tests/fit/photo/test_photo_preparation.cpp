@@ -174,7 +174,7 @@ TEST_CASE("a photo without a face, or with a mask of other proportions, is refus
               [&] { static_cast<void>(preparation.crops(grey, {})); }) == "no face was found");
 }
 
-TEST_CASE("a photo on its side is turned, and a face is chosen from the left", "[photo]") {
+TEST_CASE("a photo on its side is turned, and a face is chosen from the left", "[photo][slow]") {
     if (!FaceDetector::available()) return;
     PhotoPreparationSettings settings;
     settings.side = 64;
@@ -213,7 +213,8 @@ TEST_CASE("a photo on its side is turned, and a face is chosen from the left", "
           "has 2 faces, no face 3 from the left");
 }
 
-TEST_CASE("a face of few pixels, points that are no face, and a profile are refused", "[photo]") {
+TEST_CASE("a face of few pixels, points that are no face, and a profile are refused",
+          "[photo][slow]") {
     PhotoPreparationSettings settings;
     settings.side = 256;
     const PhotoPreparation preparation(settings);
