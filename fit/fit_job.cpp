@@ -81,7 +81,8 @@ std::vector<PreparedPhoto> FitJob::prepare(std::span<const std::string> images,
 }
 
 FaceBatch FitJob::batch_of(std::span<const Face> faces) const {
-    return make_batch(faces, model_.decoder().ladder().smallest());
+    return make_batch(faces, model_.decoder().ladder().smallest(),
+                      compared_side(model_.config().decoder, faces));
 }
 
 FittedFaces FitJob::unfitted(FaceBatch faces) const {

@@ -67,7 +67,7 @@ public:
     /// Finds, aligns and masks the face of each photo, as `prepare_photos` does.
     [[nodiscard]] std::vector<PreparedPhoto> prepare(std::span<const std::string> images,
                                                      const Tensor& known = {}) const;
-    /// The faces as a batch whose targets have all sides of the model.
+    /// The faces as a batch whose targets have the model's sides up to `compared_side`.
     [[nodiscard]] FaceBatch batch_of(std::span<const Face> faces) const;
 
     /// Fits the codes to photos of one person and tunes the decoder, if the options ask for it. A

@@ -170,7 +170,9 @@ bool FitProblem::choose_images(std::int64_t step) {
     image_count_ = count;
     photos_ = loss_.kept_target(std::span(faces_.targets).first(count), faces_.known);
     // The largest compared image gets the weight of the model's largest image.
-    if (photos_.weights.size() >= all) photos_.weights[count - 1] = photos_.weights[all - 1];
+    if (const std::size_t sides = model_.decoder().ladder().count();
+        photos_.weights.size() >= sides)
+        photos_.weights[count - 1] = photos_.weights[sides - 1];
     decode_.resolution = faces_.targets[count - 1].shape(1);
     return true;
 }

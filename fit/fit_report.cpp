@@ -7,6 +7,7 @@
 #include "core/median.h"
 #include "core/metrics.h"
 #include "core/ops/elementwise.h"
+#include "core/ops/resample.h"
 #include "core/ops/shape_ops.h"
 #include "nn/known_pixels.h"
 #include "nn/models/display_image.h"
@@ -107,7 +108,10 @@ bool is_unchanged(const FaceBatch& target, const FitResult& result, std::int64_t
 
 MetricTarget metric_target(const FitReport& report, const FaceBatch& target, const Tensor& mask,
                            std::int64_t index, const Lpips* lpips) {
-    return {report.target, display_mask(mask, index), lpips, known_in(target, index)};
+    const auto side = static_cast<int>(report.target.shape(0));
+    const Tensor here =
+        mask.shape(1) == side ? mask : resize_box(Variable(mask), side, side).value();
+    return {report.target, display_mask(here, index), lpips, known_in(target, index)};
 }
 
 }  // namespace

@@ -76,6 +76,9 @@ public:
             for (const Tensor& images_of_all : faces.targets)
                 images.push_back(slice(Variable(images_of_all), 0, i, i + 1).value());
             photos_.push_back(loss.kept_target(images, faces.known_of(i)));
+            // Photos of few pixels have fewer images than the model.
+            std::vector<double>& weights = photos_.back().weights;
+            weights.at(images.size() - 1) = weights.at(original.decoder().ladder().count() - 1);
             look_at_photo(i);
         }
         significant_.resize(photos_.size());
@@ -154,7 +157,8 @@ private:
         const Decoded decoded = tuned_.decoder()(anchor.codes, {anchor.camera},
                                                  decoding(anchor.images.back().shape(1)));
         // The largest compared image has the weight of the model's largest image.
-        const std::span<const double> weights = photos_.front().weights;
+        const std::span<const double> weights =
+            original_.config().reconstruction.resolution_weights;
         return loss_of({.decoded = decoded,
                         .kept_images = anchor.images,
                         .kept_weights = weights.last(anchor.images.size())},

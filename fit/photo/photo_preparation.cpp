@@ -272,7 +272,10 @@ FaceCrop PhotoPreparation::Implementation::crop_at(const Alignment& alignment, b
 
 std::string PhotoPreparation::Implementation::failure_of(
     const FaceCrop& crop, const std::optional<MorphableFit>& fit) const {
-    if (crop.side_in_photo < least_resolution * static_cast<double>(wanted_side()))
+    const double least_side = settings.least_side > 0
+                                  ? static_cast<double>(settings.least_side)
+                                  : least_resolution * static_cast<double>(wanted_side());
+    if (crop.side_in_photo < least_side)
         return "its face is too small (a crop of " +
                std::to_string(std::llround(crop.side_in_photo)) + " pixels a side)";
     if (!(crop.share_outside <= largest_unknown_share))

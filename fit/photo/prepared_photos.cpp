@@ -13,6 +13,8 @@ namespace stymo {
 namespace {
 
 constexpr std::int64_t least_aligned_side = 512;
+/// A fit can use a face of so few pixels, in the photo. Preparation for training wants more.
+constexpr std::int64_t least_fitted_side = 48;
 /// What the overlay shows in place of unknown pixels.
 constexpr double unknown_grey = 0.5;
 
@@ -49,6 +51,10 @@ PreparedPhoto photo_of(const std::string& image, PreparedFace prepared,
     photo.overlay = preparation_overlay({shown, crop.mask, crop.landmarks, prepared.fit},
                                         preparation.head(), settings.intrinsics, settings.side);
     photo.warnings = std::move(prepared.warnings);
+    if (const std::int64_t side = compared_side(model.decoder, {&photo.face, 1});
+        side < model.decoder.resolution)
+        photo.warnings.push_back("the face is compared with the photo at " + std::to_string(side) +
+                                 " pixels, since the photo has no more of it");
     photo.faces = crop.faces;
     return photo;
 }
@@ -76,15 +82,26 @@ Face face_of_crop(const PreparedFace& prepared, const PhotoPreparationSettings& 
             .known = known_at(crop.known, side, side),
             .pose = pose,
             .intrinsics = settings.intrinsics,
+            .photo_side = std::llround(crop.side_in_photo),
             .code = code_of(prepared.fit),
             .has_mask = true,
             .has_pose = true,
             .has_code = true};
 }
 
+std::int64_t compared_side(const DecoderConfig& decoder, std::span<const Face> faces) {
+    std::int64_t most = 0;
+    for (const Face& face : faces)
+        most = std::max(most, face.photo_side > 0 ? face.photo_side : decoder.resolution);
+    const ResolutionLadder ladder = resolution_ladder(decoder);
+    const auto enough = std::ranges::lower_bound(ladder.sides(), most);
+    return enough == ladder.sides().end() ? ladder.largest() : *enough;
+}
+
 PhotoPreparationSettings settings_for(const ModelConfig& model, PhotoPreparationSettings settings) {
     settings.side = std::max(model.decoder.resolution, least_aligned_side);
     settings.wanted_side = model.decoder.resolution;
+    settings.least_side = least_fitted_side;
     settings.intrinsics = model.camera.intrinsics;
     settings.pivot = {model.camera.distance, model.camera.pivot_depth};
     return settings;

@@ -27,6 +27,9 @@ struct PreparedPhoto {
 /// These settings with the sides and the camera that photos for this model have.
 [[nodiscard]] PhotoPreparationSettings settings_for(const ModelConfig& model,
                                                     PhotoPreparationSettings settings);
+/// The smallest side of the decoder's images that loses no pixel of any of the photos, the largest
+/// one if there is none or if it is not known how many pixels they have.
+[[nodiscard]] std::int64_t compared_side(const DecoderConfig& decoder, std::span<const Face> faces);
 /// A prepared face, which did not fail, as a face for the model; `settings` are those of the model.
 [[nodiscard]] Face face_of_crop(const PreparedFace& prepared,
                                 const PhotoPreparationSettings& settings, const ModelConfig& model);

@@ -20,6 +20,7 @@ struct Face {
     Tensor known{};        ///< (S, S, 1), see nn/known_pixels.h; undefined: all pixels are known
     Pose pose;             ///< frontal if there is none
     Intrinsics intrinsics;
+    std::int64_t photo_side = 0;  ///< side of the image in pixels of its photo; 0: not known
     std::vector<float> code;  ///< the 306 elements of a morphable model's fit, or empty
     bool is_mirrored = false;
     bool has_mask = false;

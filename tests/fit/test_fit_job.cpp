@@ -179,3 +179,49 @@ TEST_CASE("Groups of codes that are not fitted keep their bits", "[fit_job]") {
                    options.initial->groups[group].value().to_vector()) == (group != 1));
     }
 }
+
+TEST_CASE("a photo of few pixels is compared at the side that has them all", "[fit_job]") {
+    ModelConfig config = tiny_model_config();
+    config.decoder.resolution = 64;
+    config.decoder.block_channels = {6, 6, 6};
+    config.reconstruction.resolution_weights = {0.0, 0.0, 1.0};
+    Rng rng(1);
+    const Model model(config, rng);
+    const auto face_of = [&](std::int64_t photo_side) {
+        const Camera camera = model_camera(model, 0.0, 0.0, 0.0);
+        return Face{.id = {},
+                    .image = rng.uniform({64, 64, 3}, 0.0, 1.0),
+                    .mask = Tensor::full({64, 64, 1}, 1.0),
+                    .pose = pose_from_camera(camera),
+                    .intrinsics = camera.intrinsics,
+                    .photo_side = photo_side,
+                    .code = {}};
+    };
+    const auto side_of = [&](std::initializer_list<std::int64_t> photo_sides) {
+        std::vector<Face> faces;
+        for (const std::int64_t side : photo_sides) faces.push_back(face_of(side));
+        return compared_side(config.decoder, faces);
+    };
+    CHECK(side_of({0}) == 64);
+    CHECK(side_of({33}) == 64);
+    CHECK(side_of({500}) == 64);
+    CHECK(side_of({32}) == 32);
+    CHECK(side_of({9}) == 16);
+    CHECK(side_of({9, 20}) == 32);
+
+    FitJobOptions options;
+    options.fit.steps = 2;
+    options.tuning.steps = 4;
+    options.tuning.anchors = 3;
+    const ReconstructionLoss loss(config.reconstruction);
+    const FitJob job(model, loss, options);
+    const Face small = face_of(20);
+    const FittedFaces done = job.fit(job.batch_of({&small, 1}));
+    REQUIRE(done.faces.targets.size() == 2);
+    REQUIRE(done.tuned);
+    const FitReport report = job.report(done, 0, done.faces.mask, nullptr);
+    CHECK(report.target.shape() == Shape{32, 32, 3});
+    CHECK(report.tuned.shape() == Shape{32, 32, 3});
+    // The largest image that is compared counts as much as the model's largest image would.
+    CHECK(done.fit.losses.front() > 0.1);
+}
