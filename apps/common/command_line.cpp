@@ -11,6 +11,7 @@
 #include <sstream>
 #include <type_traits>
 
+#include "apps/common/explain.h"
 #include "apps/common/process_setup.h"
 #include "core/kernels/targets.h"
 #include "core/parallel.h"
@@ -259,6 +260,10 @@ CommandLine::CommandLine(std::unique_ptr<Implementation> implementation)
         .one_of({"highest", "high", "medium"});
     option("--seed", common.seed, "seed of all random numbers");
     flag("--json", common.json, "print the result as one JSON object").keeps_results();
+    flag("--explain", common.explain,
+         "print on stderr which networks were made, which losses were evaluated, and counts of the "
+         "work done; also in --json")
+        .keeps_results();
     app.fallthrough();  // common options may stand behind a command's name
 }
 
@@ -306,8 +311,9 @@ int CommandLine::run(int argc, const char* const* argv, const AppBody& body, std
         set_thread_count(common.threads);
         set_matmul_precision(matmul_precision_of(common.matmul_precision));
         const auto commands = app.get_subcommands();
-        const AppResult result =
-            commands.empty() ? body(common) : bodies.at(commands.front())(common);
+        const AppBody& chosen = commands.empty() ? body : bodies.at(commands.front());
+        const auto work = [&] { return chosen(common); };
+        const AppResult result = common.explain ? explained(work, err) : work();
         if (common.json) {
             out << result.json.text() << "\n";
         } else if (!result.text.empty()) {

@@ -34,7 +34,8 @@ struct CommonOptions {
     int threads = 0;               ///< 0: one per processor
     std::string matmul_precision;  ///< "highest", "high" or "medium"
     std::uint64_t seed = 0;
-    bool json = false;  ///< the result goes to stdout as one JSON object
+    bool json = false;     ///< the result goes to stdout as one JSON object
+    bool explain = false;  ///< the work is reported, see apps/common/explain.h
 };
 
 /// The result of a tool: `text` for people, `json` for programs. It is printed once at the end,

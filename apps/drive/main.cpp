@@ -8,7 +8,6 @@
 
 #include "apps/common/coefficient_files.h"
 #include "apps/common/command_line.h"
-#include "apps/common/explain.h"
 #include "apps/common/fit_options.h"
 #include "apps/common/table.h"
 #include "apps/common/tool_options.h"
@@ -40,7 +39,6 @@ struct Options {
     std::int64_t size = 0;
     bool absolute = false;
     bool measure = false;
-    bool explain = false;
     double psnr = 45.0;
     stymo::FitJobOptions job;
     stymo::VideoFitOptions fit;
@@ -354,10 +352,7 @@ int stymo_drive(int argc, char** argv) {
     line.option("--identity", options.identity,
                 "weights of MobileFaceNet, written by stymo-weights import: also measure whether "
                 "the face stays the same person");
-    stymo::declare_explain(line, options.explain);
     stymo::declare_video(line, options.fit);
     stymo::declare_preparation_files(line, options.job.preparation);
-    return line.run(argc, argv, [&](const stymo::CommonOptions&) {
-        return stymo::explained(options.explain, [&] { return drive(options); });
-    });
+    return line.run(argc, argv, [&](const stymo::CommonOptions&) { return drive(options); });
 }

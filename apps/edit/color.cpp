@@ -37,7 +37,6 @@ struct ColorOptions {
     std::string term = "mean";
     std::optional<std::int64_t> samples;
     ColorEditOptions edit;
-    bool explain = false;
 };
 
 /// "#a03020" as RGB in [0, 1].
@@ -155,7 +154,6 @@ AppResult color(ColorOptions options) {
     const Eigen::Vector3d target = color_of(options.color);
     const ParsingClassSet parts = parts_of(options.part);
     options.edit.term = options.term == "pixels" ? ColorTerm::pixels : ColorTerm::mean;
-    Explainer explainer(options.explain);
     const Model model = load_model(options.model, ModelParts::decoder);
     options.edit.samples_per_ray =
         options.samples.value_or(model.config().reconstruction.fit_samples_per_ray);
@@ -194,8 +192,7 @@ AppResult color(ColorOptions options) {
     if (steps < options.edit.steps)
         result.incomplete = "interrupted after " + std::to_string(steps) + " of " +
                             std::to_string(options.edit.steps) + " steps";
-    explainer.count("steps", steps);
-    explainer.finish(result);
+    count_for_report("steps", steps);
     return result;
 }
 
@@ -242,7 +239,6 @@ void declare_color(CommandLine& line) {
         .range(0, 1e6);
     command.option("--samples", options->samples, "samples per ray (default: the model's setting)")
         .range(2, 4096);
-    declare_explain(command, options->explain);
 }
 
 }  // namespace stymo

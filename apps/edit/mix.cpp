@@ -5,7 +5,6 @@
 #include <string>
 #include <vector>
 
-#include "apps/common/explain.h"
 #include "apps/common/tool_options.h"
 #include "apps/edit/commands.h"
 #include "core/clock.h"
@@ -29,7 +28,6 @@ struct MixOptions {
     double truncation = 0.7;
     std::optional<std::int64_t> samples;
     std::filesystem::path out;
-    bool explain = false;
 };
 
 /// Each group by itself.
@@ -126,7 +124,6 @@ AppResult mix(MixOptions options, std::uint64_t seed) {
         fail<UsageError>("--take is required: id, expr, tex, light, or several joined with commas");
     if (options.take.empty()) options.take = "expr,tex,light";
     static_cast<void>(parse_code_groups(options.take));
-    Explainer explainer(options.explain);
     const Model model = load_model(options.model, ModelParts::decoder);
     const ViewOptions view{.samples_per_ray = options.samples.value_or(
                                model.config().reconstruction.fit_samples_per_ray)};
@@ -134,10 +131,8 @@ AppResult mix(MixOptions options, std::uint64_t seed) {
     add_sampled(model, options, sources, seed);
     const std::vector<CodeFile> targets = faces_of(options.targets);
     require_writable_folder(options.out);
-    AppResult result = sheet ? mix_sheet(model, options, sources, targets, view)
-                             : mix_two(model, options, sources.front(), targets.front(), view);
-    explainer.finish(result);
-    return result;
+    return sheet ? mix_sheet(model, options, sources, targets, view)
+                 : mix_two(model, options, sources.front(), targets.front(), view);
 }
 
 }  // namespace
@@ -176,7 +171,6 @@ void declare_mix(CommandLine& line) {
                 "output folder: codes.json, render.png, mix.png (source | target | mixed) and "
                 "report.json, or sheet.png and report.json")
         .required();
-    declare_explain(command, options->explain);
 }
 
 }  // namespace stymo

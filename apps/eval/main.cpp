@@ -39,7 +39,6 @@ struct Options {
     stymo::FitToolOptions fit;
     stymo::LpipsOptions lpips;
     stymo::EvaluationOptions evaluation;
-    bool explain = false;
 };
 
 /// The network of the metric: that of the loss if it is the same, else a separate one that `own`
@@ -145,7 +144,7 @@ public:
         return stymo::evaluate(job_, faces_, options_.evaluation);
     }
     /// Scores the faces and reports them.
-    [[nodiscard]] stymo::AppResult lead(stymo::Explainer& explainer) const;
+    [[nodiscard]] stymo::AppResult lead() const;
 
 private:
     [[nodiscard]] stymo::ReconstructionConfig loss_config() const {
@@ -175,7 +174,7 @@ private:
     std::optional<stymo::ScoreFolder> folder_;
 };
 
-stymo::AppResult EvaluationRun::lead(stymo::Explainer& explainer) const {
+stymo::AppResult EvaluationRun::lead() const {
     const stymo::Evaluation evaluation = evaluate();
     for (const stymo::FailedFace& face : evaluation.failed)
         std::cerr << "skipped " << face.id << ": " << face.reason << std::endl;
@@ -199,7 +198,7 @@ stymo::AppResult EvaluationRun::lead(stymo::Explainer& explainer) const {
     stymo::JsonValue scores = stymo::JsonValue::object();
     for (const stymo::FaceScore& score : evaluation.scores) scores.add(score.id, to_json(score));
     result.json.add("faces", scores);
-    explainer.count("faces_scored", std::ssize(evaluation.scores));
+    stymo::count_for_report("faces_scored", std::ssize(evaluation.scores));
     return result;
 }
 
@@ -210,16 +209,13 @@ stymo::AppResult evaluate(Options options, const stymo::CommandLine& line) {
     const stymo::FitJobOptions fitting = options.fit.job_options();
     if (!options.evaluation.fit && (fitting.tunes() || fitting.fit.refine_pose))
         stymo::fail<stymo::UsageError>("--tune, --tune-steps and --refine-pose require --fit");
-    stymo::Explainer explainer(options.explain);
     std::optional<EvaluationRun> run;
-    stymo::AppResult result = stymo::run_on_ranks("stymo-eval", [&](stymo::Ranks& ranks) {
+    return stymo::run_on_ranks("stymo-eval", [&](stymo::Ranks& ranks) {
         return stymo::RankedRun{.prepare = [&] { run.emplace(options, line, ranks); },
                                 .state = [&] { return run->state(); },
-                                .lead = [&] { return run->lead(explainer); },
+                                .lead = [&] { return run->lead(); },
                                 .follow = [&] { static_cast<void>(run->evaluate()); }};
     });
-    explainer.finish(result);
-    return result;
 }
 
 }  // namespace
@@ -272,7 +268,6 @@ int stymo_eval(int argc, char** argv) {
     stymo::declare_lpips_metric(line, options.lpips);
     stymo::declare_lpips_files(line, options.lpips);
     stymo::declare_perceptual_weight(line, options.lpips);
-    stymo::declare_explain(line, options.explain);
 
     stymo::PairOptions pair;
     stymo::Command command =

@@ -7,7 +7,6 @@
 #include <sstream>
 #include <vector>
 
-#include "apps/common/explain.h"
 #include "apps/common/tool_options.h"
 #include "apps/export/commands.h"
 #include "core/error.h"
@@ -231,7 +230,6 @@ struct MeshOptions {
     std::filesystem::path landmarks = shipped_landmark_network();
     std::int64_t texture_side = 1024;
     bool neutral = false;
-    bool explain = false;
 };
 
 std::vector<std::filesystem::path> write_mesh(const std::filesystem::path& out,
@@ -299,10 +297,7 @@ void declare_mesh(CommandLine& line) {
         "mesh",
         "Writes a fitted face as a textured mesh in metres, y up; a .glb file also has "
         "ARKit's blend shapes.",
-        [options](const CommonOptions&) {
-            return explained(options->explain, [&] { return export_mesh(*options); });
-        });
-    declare_explain(command, options->explain);
+        [options](const CommonOptions&) { return export_mesh(*options); });
     declare_model(command, options->model);
     declare_tuned(command, options->model);
     command.option("--codes", options->codes, "codes.json of a fit").required();

@@ -10,7 +10,6 @@
 #include <sstream>
 #include <string>
 
-#include "apps/common/explain.h"
 #include "apps/common/tool_options.h"
 #include "apps/export/commands.h"
 #include "core/error.h"
@@ -152,7 +151,6 @@ struct SplatOptions {
     ModelOptions model;
     std::filesystem::path codes, out, check;
     std::int64_t count = 100'000;
-    bool explain = false;
 };
 
 AppResult export_splats(const SplatOptions& options) {
@@ -190,12 +188,9 @@ AppResult export_splats(const SplatOptions& options) {
 
 void declare_splat(CommandLine& line) {
     const auto options = std::make_shared<SplatOptions>();
-    Command command = line.command(
-        "splat", "Writes a fitted face as 3D Gaussians, which viewers of splats open.",
-        [options](const CommonOptions&) {
-            return explained(options->explain, [&] { return export_splats(*options); });
-        });
-    declare_explain(command, options->explain);
+    Command command =
+        line.command("splat", "Writes a fitted face as 3D Gaussians, which viewers of splats open.",
+                     [options](const CommonOptions&) { return export_splats(*options); });
     declare_model(command, options->model);
     declare_tuned(command, options->model);
     command.option("--codes", options->codes, "codes.json of a fit").required();

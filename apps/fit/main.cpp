@@ -32,7 +32,6 @@ struct Options {
     stymo::FaceSource face;
     stymo::LpipsOptions lpips;
     stymo::FitToolOptions fit;
-    bool explain = false;
 };
 
 void write_metrics(std::ostream& stream, const char* name, const stymo::ImageMetrics& metrics) {
@@ -211,7 +210,6 @@ stymo::AppResult fit_folder(const Options& options, const stymo::CommandLine& li
     stymo::Settings settings = line.settings();
     for (auto& [name, value] : settings)
         if (name == "--model") value = stymo::with_checksum(stymo::model_file(options.model));
-    stymo::Explainer explainer(options.explain);
     stymo::AppResult result = stymo::run_on_ranks("stymo-fit", [&](stymo::Ranks& ranks) {
         return stymo::RankedRun{
             .prepare =
@@ -225,8 +223,7 @@ stymo::AppResult fit_folder(const Options& options, const stymo::CommandLine& li
             .lead = [&] { return folder->lead(); },
             .follow = [&] { folder->follow(); }};
     });
-    if (folder) explainer.count("photos", folder->done_now());
-    explainer.finish(result);
+    if (folder) stymo::count_for_report("photos", folder->done_now());
     return result;
 }
 
@@ -240,7 +237,6 @@ stymo::AppResult fit(const Options& options, const stymo::CommandLine& line) {
         return stymo::fit_video(fitting, options.video, options.out, options.frames);
     }
     stymo::require_photo(options.face);
-    stymo::Explainer explainer(options.explain);
     const stymo::Fitting fitting(options.model, options.lpips, job_options(options));
     const stymo::FitJob& job = fitting.job;
     Output output(options.out, fitting.mark);
@@ -249,10 +245,10 @@ stymo::AppResult fit(const Options& options, const stymo::CommandLine& line) {
     const stymo::InterruptGuard guard;
     const stymo::FittedFaces done = fitted(job, photos.faces, output);
     stymo::AppResult result = reports(fitting, photos, done, output);
-    if (job.options().tunes()) explainer.count("tuning_steps", std::ssize(done.tuning.losses));
-    explainer.count("photos", std::ssize(photos.faces));
-    explainer.count("steps", std::ssize(done.fit.losses));
-    explainer.finish(result);
+    if (job.options().tunes())
+        stymo::count_for_report("tuning_steps", std::ssize(done.tuning.losses));
+    stymo::count_for_report("photos", std::ssize(photos.faces));
+    stymo::count_for_report("steps", std::ssize(done.fit.losses));
     return result;
 }
 
@@ -308,6 +304,5 @@ int stymo_fit(int argc, char** argv) {
     stymo::declare_video(line, options.frames);
     stymo::declare_perceptual_weight(line, options.lpips);
     stymo::declare_lpips_files(line, options.lpips);
-    stymo::declare_explain(line, options.explain);
     return line.run(argc, argv, [&](const stymo::CommonOptions&) { return fit(options, line); });
 }

@@ -6,6 +6,7 @@
 #include <iostream>
 #include <sstream>
 
+#include "apps/common/explain.h"
 #include "apps/common/face_input.h"
 #include "core/error.h"
 #include "core/interrupt.h"
@@ -141,12 +142,12 @@ std::string numbered(std::size_t number) {
 }  // namespace
 
 WrittenImages write_images(const std::filesystem::path& out, const RenderOptions& options,
-                           const Model& model, const ShotList& list, Explainer& explainer) {
+                           const Model& model, const ShotList& list) {
     ChosenRenderer chosen = options.depth_alone() ? depth_renderer(options, model)
                                                   : image_renderer(options, model, list.shots);
     report(chosen);
     const std::vector<View> seen = views(options, model, list.shots, chosen.renderer);
-    explainer.count(chosen.renderer.counts());
+    count_for_report(chosen.renderer.counts());
     const bool animation = is_animation(out);
     WrittenImages result{.files = {},
                          .mode = chosen.mode,
@@ -213,8 +214,8 @@ CodeStatistics statistics_of(const RenderOptions& options, const Model& model) {
 
 }  // namespace
 
-WrittenImages write_new_faces(const RenderOptions& options, const Model& model, std::uint64_t seed,
-                              Explainer& explainer) {
+WrittenImages write_new_faces(const RenderOptions& options, const Model& model,
+                              std::uint64_t seed) {
     const CodeStatistics statistics = statistics_of(options, model);
     const Rng rng = Rng(seed).split("new faces");
     const Pose pose = chosen_pose(options, model, frontal_pose(model.config().camera));
@@ -231,8 +232,7 @@ WrittenImages write_new_faces(const RenderOptions& options, const Model& model, 
     list.columns = static_cast<int>(std::ceil(std::sqrt(static_cast<double>(options.sample))));
     const std::string mark = model_mark(options.model);
     FolderInProgress folder(options.out);
-    WrittenImages result =
-        write_images(folder.path() / "faces.png", options, model, list, explainer);
+    WrittenImages result = write_images(folder.path() / "faces.png", options, model, list);
     std::vector<std::filesystem::path>& written = result.files;
     for (std::size_t i = 0; i < list.shots.size(); ++i) {
         written.push_back(folder.path() / (numbered(i) + ".json"));

@@ -3,7 +3,6 @@
 #include <filesystem>
 #include <vector>
 
-#include "apps/common/explain.h"
 #include "apps/render/shots.h"
 #include "nn/realtime/chosen_tolerance.h"
 
@@ -20,17 +19,17 @@ struct WrittenImages {
 /// Renders the shots and writes them to `out`: frames of a .gif, .webp or .mp4, tiles of any other
 /// image. Masks are written to OUT_mask in the same format, and depths to OUT_depth.exr, or for
 /// animations to OUT_NNNN_depth.exr for each frame; if `out` is an .exr file, it gets the depths,
-/// and no image is rendered. `explainer` gets the counts of the last frame. Throws Error, before
+/// and no image is rendered. Throws Error, before
 /// anything is written, if the process is interrupted by a signal.
 [[nodiscard]] WrittenImages write_images(const std::filesystem::path& out,
                                          const RenderOptions& options, const Model& model,
-                                         const ShotList& list, Explainer& explainer);
+                                         const ShotList& list);
 
 /// Writes a folder with `faces.png`, a sheet of faces sampled from the distribution of the training
 /// codes, and NNNN.json with the codes of each face. The n-th face depends only on the seed, not on
 /// the number of faces. Returns the files. Throws FileError for a model without code statistics if
 /// --data names no folder of faces.
 [[nodiscard]] WrittenImages write_new_faces(const RenderOptions& options, const Model& model,
-                                            std::uint64_t seed, Explainer& explainer);
+                                            std::uint64_t seed);
 
 }  // namespace stymo

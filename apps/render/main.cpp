@@ -2,7 +2,6 @@
 #include <vector>
 
 #include "apps/common/command_line.h"
-#include "apps/common/explain.h"
 #include "apps/common/tool_options.h"
 #include "apps/common/tools.h"
 #include "apps/render/images.h"
@@ -52,13 +51,12 @@ stymo::AppResult render(stymo::RenderOptions options, const stymo::CommonOptions
     require_names(options);
     stymo::require_understood(options);
     options.renderer.mode = stymo::render_mode(options.mode);
-    stymo::Explainer explainer(options.explain);
     const bool encodes = !options.data.empty();
     const stymo::Model model = stymo::load_model(
         options.model, encodes ? stymo::ModelParts::all : stymo::ModelParts::decoder);
     stymo::WrittenImages images;
     if (options.sample > 0) {
-        images = stymo::write_new_faces(options, model, common.seed, explainer);
+        images = stymo::write_new_faces(options, model, common.seed);
     } else {
         const stymo::CodeFile face = stymo::read_code_file(options.codes);
         for (const std::filesystem::path& file : {options.out, options.mesh}) {
@@ -66,7 +64,7 @@ stymo::AppResult render(stymo::RenderOptions options, const stymo::CommonOptions
         }
         if (!options.out.empty())
             images = stymo::write_images(options.out, options, model,
-                                         stymo::shots_of_face(options, model, face), explainer);
+                                         stymo::shots_of_face(options, model, face));
         if (!options.mesh.empty()) {
             write_mesh(options, model, face);
             images.files.push_back(options.mesh);
@@ -86,9 +84,7 @@ stymo::AppResult render(stymo::RenderOptions options, const stymo::CommonOptions
         json.add("worst_pixel", images.error->worst_pixel);
         json.add("checked_views", images.error->views);
     }
-    stymo::AppResult result{text, json};
-    explainer.finish(result);
-    return result;
+    return {text, json};
 }
 
 void declare_view(stymo::Command& line, stymo::RenderOptions& options) {
@@ -201,7 +197,6 @@ int stymo_render(int argc, char** argv) {
                 "with --sample");
     declare_view(line, options);
     declare_jobs(line, options);
-    stymo::declare_explain(line, options.explain);
     return line.run(argc, argv,
                     [&](const stymo::CommonOptions& common) { return render(options, common); });
 }

@@ -49,7 +49,6 @@ struct RenderOptions {
     bool cutout = false;              ///< the mask as alpha
     std::string around = "head";      ///< what stays in the middle as the head turns: head or face
     bool keep_floaters = false;
-    bool explain = false;
 
     /// --out is the depth; no image is wanted.
     [[nodiscard]] bool depth_alone() const { return sample == 0 && out.extension() == ".exr"; }

@@ -31,7 +31,6 @@ struct Options {
     std::string measure = "ends";
     bool print_keys = false;
     bool head_mask = false;
-    bool explain = false;
 };
 
 stymo::MeasuredPhases measured_phases(const std::string& name) {
@@ -103,7 +102,7 @@ stymo::AppResult plan(const Options& options, PreparedRun& run) {
 }
 
 stymo::AppResult lead(const Options& options, PreparedRun& run,
-                      std::optional<stymo::FolderLock>& lock, stymo::Explainer& explainer) {
+                      std::optional<stymo::FolderLock>& lock) {
     stymo::require_writable_folder(options.out);
     if (!lock) lock.emplace(options.out);
     const stymo::RunFolder folder(options.out, !options.resume.empty());
@@ -118,7 +117,7 @@ stymo::AppResult lead(const Options& options, PreparedRun& run,
     const stymo::TrainingOutcome outcome =
         run.trainer->run(folder, {.minutes = options.max_minutes});
     stymo::write_broken_files(std::cerr, run.training.summary(), known);
-    explainer.count("steps", outcome.steps);
+    stymo::count_for_report("steps", outcome.steps);
     return {stymo::outcome_text(outcome, folder), stymo::to_json(outcome, folder)};
 }
 
@@ -161,7 +160,6 @@ stymo::AppResult train(const Options& options, const stymo::CommonOptions& commo
         return {stymo::configuration_table(),
                 stymo::JsonValue::object({{"table", stymo::configuration_table()}})};
     require_paths(options);
-    stymo::Explainer explainer(options.explain);
     std::optional<stymo::FolderLock> lock;
     if (const std::unique_ptr<stymo::Ranks> ranks = stymo::started_ranks()) {
         std::optional<PreparedRun> run;
@@ -180,15 +178,12 @@ stymo::AppResult train(const Options& options, const stymo::CommonOptions& commo
                      return stymo::common_state(run->config, run->training, run->trainer->state(),
                                                 options.initial_model);
                  },
-             .lead = [&] { return lead(options, *run, lock, explainer); },
+             .lead = [&] { return lead(options, *run, lock); },
              .follow = [&] { static_cast<void>(run->trainer->follow()); }});
     }
     claim(options, lock);
     PreparedRun run(options, common, nullptr);
-    stymo::AppResult result =
-        options.dry_run ? plan(options, run) : lead(options, run, lock, explainer);
-    explainer.finish(result);
-    return result;
+    return options.dry_run ? plan(options, run) : lead(options, run, lock);
 }
 
 }  // namespace
@@ -220,7 +215,6 @@ int stymo_train(int argc, char** argv) {
         .needs("--dry-run");
     line.flag("--print-keys", options.print_keys,
               "print the table of all configuration keys and stop");
-    stymo::declare_explain(line, options.explain);
     return line.run(argc, argv,
                     [&](const stymo::CommonOptions& common) { return train(options, common); });
 }

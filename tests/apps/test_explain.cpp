@@ -100,6 +100,15 @@ TEST_CASE("Points of grids are counted, in every tool that evaluates them", "[ex
     CHECK(scored["counts"]["field_points"] > 0);
 }
 
+TEST_CASE("Tools and commands without counts of their own explain, too", "[explain]") {
+    const json drawn = explanation("stymo-synth --out explained-heads --count 1 --size 64");
+    CHECK(drawn["counts"]["buffers"] > 0);
+    CHECK(drawn["networks"].empty());
+    const json read = explanation("stymo-edit disentangle --model run/model.safetensors --pairs 2");
+    CHECK(made(read, "encoder"));
+    CHECK(read["counts"]["field_points"] > 0);
+}
+
 TEST_CASE("A training without a second stage makes no discriminator", "[explain]") {
     const ToolOutcome outcome = explained(train + "--out explained-run --set stage1.steps=1");
     CHECK_THAT(outcome.err, !Catch::Contains("discriminator"));
