@@ -309,7 +309,11 @@ int CommandLine::run(int argc, const char* const* argv, const AppBody& body, std
     }
     try {
         set_thread_count(common.threads);
-        set_matmul_precision(matmul_precision_of(common.matmul_precision));
+        const MatmulPrecision precision = matmul_precision_of(common.matmul_precision);
+        set_matmul_precision(precision);
+        if (app.count("--matmul-precision") > 0 && computed_precision(precision) != precision)
+            report("warning: this processor has no instructions for --matmul-precision " +
+                   common.matmul_precision + ", which computes in float32");
         const auto commands = app.get_subcommands();
         const AppBody& chosen = commands.empty() ? body : bodies.at(commands.front());
         const auto work = [&] { return chosen(common); };

@@ -103,6 +103,28 @@ TEST_CASE("The curve is written as JSON, CSV and Markdown") {
     CHECK(names_in_table(stymo::read_file(folder / "curve.md")).empty());
 }
 
+TEST_CASE("No prediction for more processors exceeds their number or undercuts fewer", "[slow]") {
+    done("stymo-bench cores --out cores" + small);
+    const json table = json::parse(stymo::read_file(tiny_run() / "cores/cores.json"))["cores"];
+    REQUIRE(table.size() == 6);
+    for (const json& row : table) {
+        CAPTURE(row["job"].get<std::string>());
+        double before = 1.0;
+        for (const auto& [column, threads] : {std::pair{"two_predicted", 2.0},
+                                              {"four_predicted", 4.0},
+                                              {"sixteen_predicted", 16.0},
+                                              {"sixty_four_predicted", 64.0}}) {
+            const double gain = row[column];
+            // Chunks are measured anew for each number of threads, on a machine that may be busy.
+            CHECK(gain > 0.7 * before);
+            CHECK(gain < 1.1 * threads);
+            before = gain;
+        }
+        CHECK(row["span_seconds"] < 1.01 * row["work_seconds"].get<double>());
+        CHECK_FALSE(row["caps_at_sixteen"].get<std::string>().empty());
+    }
+}
+
 TEST_CASE("A peer stands beside the rows that it has, and one that fails is named", "[slow]") {
     stymo::write_file(tiny_run() / "peer.py", "print('disc: 1500.0 ms  (threads 1)')\n");
     stymo::write_file(tiny_run() / "broken.py", "raise SystemExit('no memory')\n");

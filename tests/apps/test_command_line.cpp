@@ -5,6 +5,7 @@
 
 #include "apps/common/command_line.h"
 #include "core/error.h"
+#include "core/matmul_precision.h"
 
 namespace {
 
@@ -112,6 +113,20 @@ TEST_CASE("A tool that succeeds prints its text and exits with 0") {
     CHECK(tool.depth);
     CHECK(tool.common.threads == 1);
     CHECK(tool.common.seed == 18446744073709551615ULL);
+}
+
+TEST_CASE("A precision that the processor cannot compute is named, if it was asked for") {
+    for (const auto precision : {stymo::MatmulPrecision::high, stymo::MatmulPrecision::medium}) {
+        const char* const name = stymo::name_of(precision);
+        const Outcome outcome = TinyTool().run({"--image", "x.png", "--matmul-precision", name});
+        CHECK(outcome.exit_code == 0);
+        CHECK(outcome.err.empty() == (stymo::computed_precision(precision) == precision));
+        if (!outcome.err.empty())
+            CHECK(outcome.err == std::string("stymo-tiny: warning: this processor has no ") +
+                                     "instructions for --matmul-precision " + name +
+                                     ", which computes in float32\n");
+    }
+    CHECK(TinyTool().run({"--image", "x.png", "--matmul-precision", "highest"}).err.empty());
 }
 
 TEST_CASE("With --json a tool prints exactly one JSON object") {
