@@ -102,6 +102,10 @@ FittedFaces FitJob::fit(FaceBatch faces, const FitObserver& observer) const {
     options.one_person = done.faces.cameras.size() > 1;
     options.head = head();
     options.on_step = observer.on_fit_step;
+    const std::int64_t side = done.faces.targets.back().shape(1);
+    if (const std::int64_t largest = model_.config().decoder.resolution; side < largest)
+        done.warnings.push_back("face and photo are compared at " + std::to_string(side) + " of " +
+                                std::to_string(largest) + " pixels, since the photo has no more");
     const double start = seconds_now();
     done.fit = fit_codes(model_, loss_, done.faces, options);
     keep_the_better(done);

@@ -47,7 +47,8 @@ struct FittedFaces {
     std::optional<WeightChanges> changes{};
     TuningResult tuning{};
     std::string incomplete{};  ///< progress at an interruption; empty if the job is complete
-    std::vector<std::string> warnings{};  ///< one line for each result that was not kept
+    std::vector<std::string> warnings{};  ///< one line for each result that was not kept, and if
+                                          ///< the photos have fewer pixels than the model
 };
 
 /// Fitting a photo from beginning to end: preparation, fit, tuning, report. Thread-safe.

@@ -84,7 +84,8 @@ struct FitResult {
     double initial_loss = 0.0, final_loss = 0.0;
 };
 
-/// The paper's fitting: optimises code offsets that start at zero (with Adam in the paper).
+/// The paper's fitting. The largest target counts as much as the model's largest image would, which
+/// it need not reach. It optimises code offsets that start at zero (with Adam in the paper).
 /// Everything else is fixed unless the options say otherwise. With Adam the result for a face does
 /// not depend on the other faces of the batch, except with `one_person`. `loss` is usually the
 /// model's reconstruction loss. Throws ShapeError for targets that do not match the model,

@@ -76,9 +76,7 @@ public:
             for (const Tensor& images_of_all : faces.targets)
                 images.push_back(slice(Variable(images_of_all), 0, i, i + 1).value());
             photos_.push_back(loss.kept_target(images, faces.known_of(i)));
-            // Photos of few pixels have fewer images than the model.
-            std::vector<double>& weights = photos_.back().weights;
-            weights.at(images.size() - 1) = weights.at(original.decoder().ladder().count() - 1);
+            photos_.back().weights = weights_of(images.size());
             look_at_photo(i);
         }
         significant_.resize(photos_.size());
@@ -130,15 +128,14 @@ private:
         const std::int64_t row = number % codes_.batch();
         const auto index = static_cast<std::size_t>(row);
         const ReconstructionLoss::Target& photo = photos_[index];
-        const std::int64_t side = photo.images.back().shape(1);
+        const std::int64_t side = tuned_.decoder().ladder().largest();
         // The mask branch reads features of the render blocks, which tuning changes.
-        const bool masked = faces_.mask.defined() && faces_.mask.shape(1) == side &&
-                            side == tuned_.decoder().ladder().largest();
+        const bool masked = faces_.mask.defined() && faces_.mask.shape(1) == side;
         DecodeOptions decode = decoding(side, masked);
         const bool all = number / codes_.batch() % selection_interval == 0;
         if (!all) decode.significant_samples = significant_[index];
-        const Decoded decoded =
-            tuned_.decoder()(codes_of_face(codes_, row), {cameras_[index]}, decode);
+        Decoded decoded = tuned_.decoder()(codes_of_face(codes_, row), {cameras_[index]}, decode);
+        decoded.images.resize(photo.images.size());  // a photo of few pixels has fewer
         if (all)
             significant_[index] =
                 significant_samples(decoded.weights.weights.value(), options_.tolerance);
@@ -156,13 +153,17 @@ private:
         const Anchor& anchor = anchors_[static_cast<std::size_t>(index)];
         const Decoded decoded = tuned_.decoder()(anchor.codes, {anchor.camera},
                                                  decoding(anchor.images.back().shape(1)));
-        // The largest compared image has the weight of the model's largest image.
-        const std::span<const double> weights =
-            original_.config().reconstruction.resolution_weights;
-        return loss_of({.decoded = decoded,
-                        .kept_images = anchor.images,
-                        .kept_weights = weights.last(anchor.images.size())},
+        const std::vector<double> weights = weights_of(anchor.images.size());
+        return loss_of({.decoded = decoded, .kept_images = anchor.images, .kept_weights = weights},
                        anchor.surface, anchor.row);
+    }
+
+    /// Of the first `count` images. The largest one has the weight of the model's largest image.
+    [[nodiscard]] std::vector<double> weights_of(std::size_t count) const {
+        std::vector<double> weights = original_.config().reconstruction.resolution_weights;
+        if (const std::size_t all = original_.decoder().ladder().count(); weights.size() >= all)
+            weights[count - 1] = weights[all - 1];
+        return weights;
     }
 
     /// The loss of a comparison, which also gets the depth of the face of this row.
@@ -212,8 +213,9 @@ private:
         const std::int64_t side = image.shape(1);
         SeenFace seen = seen_face(row, camera, side);
         seen.image = image.to(DType::float32).reshaped({side, side, 3});
-        if (faces_.mask.defined() && faces_.mask.shape(1) == side)
-            seen.mask = slice(Variable(faces_.mask), 0, row, row + 1)
+        if (faces_.mask.defined())
+            seen.mask = resize_box(slice(Variable(faces_.mask), 0, row, row + 1),
+                                   static_cast<int>(side), static_cast<int>(side))
                             .value()
                             .to(DType::float32)
                             .reshaped({side, side, 1});
@@ -224,16 +226,18 @@ private:
     }
 
     /// Sets the images of an anchor to the face from another side: the photo's colours where it
-    /// shows the point, else those of the original decoder.
+    /// shows the point, else those of the original decoder. They have the photo's sides, because
+    /// its colours would be blurred at larger ones.
     void show_from_the_side(Anchor& anchor) const {
         const std::vector<std::int64_t>& sides = original_.decoder().ladder().sides();
+        const std::size_t count = photos_[static_cast<std::size_t>(anchor.row)].images.size();
         SeenFace view = seen_face(anchor.row, anchor.camera, sides.back());
         anchor.surface = heads_.surface(anchor.row, anchor.camera, view.depth.shape(0));
         if (anchor.surface) view.depth = with_surface(view.depth, *anchor.surface);
         const Tensor image = turned_photo(seen_[static_cast<std::size_t>(anchor.row)], view).image;
         const Variable turned = Variable::leaf(image.reshaped({1, sides.back(), sides.back(), 3})
                                                    .to(photos_.front().images.back().dtype()));
-        for (const std::int64_t side : sides)
+        for (const std::int64_t side : std::span(sides).first(count))
             anchor.images.push_back(
                 resize_box(turned, static_cast<int>(side), static_cast<int>(side)).value());
     }

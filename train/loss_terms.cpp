@@ -105,7 +105,7 @@ Variable side_identity_term(const LossInputs& in, LossValues&) {
 }
 
 /// The least change that an expression counts as, a part of the mean square of the codes. Two
-/// expressions that have nothing to do with each other differ by twice that mean.
+/// expressions that have nothing to do with each other differ by about twice that mean.
 constexpr double expression_floor = 0.2;
 
 /// The first half of the faces gets the expressions of the second. What the encoder sees of them

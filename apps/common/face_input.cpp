@@ -103,8 +103,11 @@ Face read_face(const FaceSource& source, const ModelConfig& config) {
         face.intrinsics = config.camera.intrinsics;
         face.mask = Tensor::full({side, side, 1}, 1.0);
     }
-    if (!source.images.empty())
-        face.image = at_model_side(read_image_of_user(source.images.front()), side);
+    if (!source.images.empty()) {
+        const Tensor image = read_image_of_user(source.images.front());
+        face.photo_side = std::min(image.shape(0), image.shape(1));
+        face.image = at_model_side(image, side);
+    }
     if (!source.mask.empty()) {
         const Tensor mask = mask_of_user(source.mask);
         require_covering(mask, source.mask.string() + ": ");

@@ -26,7 +26,7 @@ struct PhotoPreparationSettings {
     std::int64_t wanted_side = 0;  ///< a crop from fewer pixels than this gets a warning; 0: `side`
     /// A crop from fewer pixels than this is refused; 0: than a quarter of the wanted side.
     std::int64_t least_side = 0;
-    Intrinsics intrinsics;         ///< intrinsics for which poses are found
+    Intrinsics intrinsics;                         ///< intrinsics for which poses are found
     std::int64_t most_pixels = usual_most_pixels;  ///< photos with more pixels are rejected
     std::int64_t face = 0;   ///< the face to prepare, counted from the left; 0: the largest
     bool all_faces = false;  ///< prepares all faces of a photo; else the largest

@@ -51,10 +51,6 @@ PreparedPhoto photo_of(const std::string& image, PreparedFace prepared,
     photo.overlay = preparation_overlay({shown, crop.mask, crop.landmarks, prepared.fit},
                                         preparation.head(), settings.intrinsics, settings.side);
     photo.warnings = std::move(prepared.warnings);
-    if (const std::int64_t side = compared_side(model.decoder, {&photo.face, 1});
-        side < model.decoder.resolution)
-        photo.warnings.push_back("the face is compared with the photo at " + std::to_string(side) +
-                                 " pixels, since the photo has no more of it");
     photo.faces = crop.faces;
     return photo;
 }
@@ -101,7 +97,7 @@ std::int64_t compared_side(const DecoderConfig& decoder, std::span<const Face> f
 PhotoPreparationSettings settings_for(const ModelConfig& model, PhotoPreparationSettings settings) {
     settings.side = std::max(model.decoder.resolution, least_aligned_side);
     settings.wanted_side = model.decoder.resolution;
-    settings.least_side = least_fitted_side;
+    settings.least_side = std::min(least_fitted_side, model.decoder.resolution / 4);
     settings.intrinsics = model.camera.intrinsics;
     settings.pivot = {model.camera.distance, model.camera.pivot_depth};
     return settings;

@@ -21,7 +21,7 @@ struct Face {
     Pose pose;             ///< frontal if there is none
     Intrinsics intrinsics;
     std::int64_t photo_side = 0;  ///< side of the image in pixels of its photo; 0: not known
-    std::vector<float> code;  ///< the 306 elements of a morphable model's fit, or empty
+    std::vector<float> code;      ///< the 306 elements of a morphable model's fit, or empty
     bool is_mirrored = false;
     bool has_mask = false;
     bool has_pose = false;
@@ -42,8 +42,8 @@ enum class Shared {
 /// reads only the first three members, and `codes` if the model has no encoder.
 struct FaceBatch {
     Tensor input;  ///< (B, S, S, 3) in [-1, 1], unmasked: what the encoder sees
-    /// (B, R, R, 3) in [-1, 1] for each side R that the model renders, in ascending order: the head
-    /// on a black background (-1).
+    /// (B, R, R, 3) in [-1, 1] for each side R that is compared, in ascending order from the least
+    /// that the model renders: the head on a black background (-1).
     std::vector<Tensor> targets;
     std::vector<Camera> cameras;
     std::vector<std::string> ids{};

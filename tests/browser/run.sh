@@ -3,7 +3,7 @@
 # npm, which STYMO_PLAYWRIGHT or NODE_PATH may name as a folder of node_modules.
 # Usage: run.sh STYMO_VIEW [--fast | TEST...]. Exits with 77 (skipped) where something is missing.
 set -euo pipefail
-viewer=${1:?usage: run.sh STYMO_VIEW [TEST...]}
+viewer=${1:?usage: run.sh STYMO_VIEW [--fast | TEST...]}
 shift
 here=$(cd "$(dirname "$0")" && pwd)
 

@@ -515,11 +515,14 @@ test("a moving picture comes often and soon", async (page) => {
   await drag(page, 200, 0, 4);
   await page.click("#key");
   await page.fill("#seconds", "6");
-  await page.click("#play");
-  await page.waitForTimeout(1500);
-  const begun = (await shown(page)).frames;
-  await page.waitForTimeout(4000);
-  const rate = ((await shown(page)).frames - begun) / 4;
+  const playedRate = async () => {
+    await page.click("#play");
+    await page.waitForTimeout(1500);
+    const begun = (await shown(page)).frames;
+    await page.waitForTimeout(4000);
+    return ((await shown(page)).frames - begun) / 4;
+  };
+  const rate = await playedRate();
   const side = await page.evaluate(() => window.stymo.shown.side);
   await page.waitForTimeout(1000);
   await page.evaluate(() => { window.stymo.shown.latencies.length = 0; });
@@ -529,6 +532,14 @@ test("a moving picture comes often and soon", async (page) => {
   console.log(`  ${rate.toFixed(1)} pictures/s of ${side} pixels, ` +
     `${latencies[latencies.length >> 1].toFixed(0)} ms from a movement to its picture (median)`);
   assert.ok(rate > 2);
+
+  const file = await photoOfAFace(page);
+  await page.selectOption("#tune", "60");
+  await page.setInputFiles("#photo", file);
+  await page.waitForFunction(() => window.stymo.job.phase === "tuning", null, { timeout: slow });
+  const beside = await playedRate();
+  console.log(`  ${beside.toFixed(1)} pictures/s while a face is tuned`);
+  assert.ok(beside > 1);
 }, { slow: true });
 
 // ---- running them ----

@@ -219,6 +219,11 @@ TEST_CASE("a photo of few pixels is compared at the side that has them all", "[f
     const FittedFaces done = job.fit(job.batch_of({&small, 1}));
     REQUIRE(done.faces.targets.size() == 2);
     REQUIRE(done.tuned);
+    REQUIRE_FALSE(done.warnings.empty());
+    CHECK_THAT(done.warnings.front(), Catch::Contains("at 32 of 64 pixels"));
+    // The mask branch learns the photo's mask at the model's largest side.
+    CHECK(std::ranges::count(done.tuning.terms, "mask", &std::pair<std::string, double>::first) ==
+          1);
     const FitReport report = job.report(done, 0, done.faces.mask, nullptr);
     CHECK(report.target.shape() == Shape{32, 32, 3});
     CHECK(report.tuned.shape() == Shape{32, 32, 3});
