@@ -533,10 +533,14 @@ test("a moving picture comes often and soon", async (page) => {
     `${latencies[latencies.length >> 1].toFixed(0)} ms from a movement to its picture (median)`);
   assert.ok(rate > 2);
 
+  await page.click("#reset");  // a photo from the front
   const file = await photoOfAFace(page);
   await page.selectOption("#tune", "60");
   await page.setInputFiles("#photo", file);
-  await page.waitForFunction(() => window.stymo.job.phase === "tuning", null, { timeout: slow });
+  await page.waitForFunction(() => window.stymo.job.phase === "tuning" ||
+    window.stymo.job.ended > 0, null, { timeout: slow });
+  const job = await page.evaluate(() => ({ ...window.stymo.job }));
+  assert.equal(job.phase, "tuning", job.error);
   const beside = await playedRate();
   console.log(`  ${beside.toFixed(1)} pictures/s while a face is tuned`);
   assert.ok(beside > 1);
