@@ -114,6 +114,11 @@ std::span<const FitTerm> fit_terms() {
     return terms;
 }
 
+void weigh_largest(std::vector<double>& weights, std::size_t count, const Decoder& decoder) {
+    const std::size_t sides = decoder.ladder().count();
+    if (weights.size() >= sides) weights[count - 1] = weights[sides - 1];
+}
+
 FitLoss fit_loss(const FitComparison& seen, const FitWeights& weights) {
     FitLoss loss;
     for (const FitTerm& term : fit_terms()) add_term(term, seen, weights, loss);

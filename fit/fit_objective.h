@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "fit/head_depth.h"
+#include "nn/models/decoder.h"
 #include "nn/models/reconstruction.h"
 
 namespace stymo {
@@ -70,6 +71,10 @@ struct FitTerm {
 
 /// All terms, in the order in which they are summed.
 [[nodiscard]] std::span<const FitTerm> fit_terms();
+
+/// Lets the last of `count` compared images count as much as the decoder's largest image would, of
+/// which `weights` (one for each side) has the weight.
+void weigh_largest(std::vector<double>& weights, std::size_t count, const Decoder& decoder);
 
 struct FitLoss {
     Variable total;    ///< weighted sum of the terms, summed over the faces; a scalar

@@ -169,10 +169,7 @@ bool FitProblem::choose_images(std::int64_t step) {
     if (count == image_count_) return false;
     image_count_ = count;
     photos_ = loss_.kept_target(std::span(faces_.targets).first(count), faces_.known);
-    // The largest compared image gets the weight of the model's largest image.
-    if (const std::size_t sides = model_.decoder().ladder().count();
-        photos_.weights.size() >= sides)
-        photos_.weights[count - 1] = photos_.weights[sides - 1];
+    weigh_largest(photos_.weights, count, model_.decoder());
     decode_.resolution = faces_.targets[count - 1].shape(1);
     return true;
 }

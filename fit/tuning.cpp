@@ -76,7 +76,7 @@ public:
             for (const Tensor& images_of_all : faces.targets)
                 images.push_back(slice(Variable(images_of_all), 0, i, i + 1).value());
             photos_.push_back(loss.kept_target(images, faces.known_of(i)));
-            photos_.back().weights = weights_of(images.size());
+            weigh_largest(photos_.back().weights, images.size(), original.decoder());
             look_at_photo(i);
         }
         significant_.resize(photos_.size());
@@ -153,17 +153,10 @@ private:
         const Anchor& anchor = anchors_[static_cast<std::size_t>(index)];
         const Decoded decoded = tuned_.decoder()(anchor.codes, {anchor.camera},
                                                  decoding(anchor.images.back().shape(1)));
-        const std::vector<double> weights = weights_of(anchor.images.size());
+        std::vector<double> weights = original_.config().reconstruction.resolution_weights;
+        weigh_largest(weights, anchor.images.size(), original_.decoder());
         return loss_of({.decoded = decoded, .kept_images = anchor.images, .kept_weights = weights},
                        anchor.surface, anchor.row);
-    }
-
-    /// Of the first `count` images. The largest one has the weight of the model's largest image.
-    [[nodiscard]] std::vector<double> weights_of(std::size_t count) const {
-        std::vector<double> weights = original_.config().reconstruction.resolution_weights;
-        if (const std::size_t all = original_.decoder().ladder().count(); weights.size() >= all)
-            weights[count - 1] = weights[all - 1];
-        return weights;
     }
 
     /// The loss of a comparison, which also gets the depth of the face of this row.

@@ -120,6 +120,8 @@ TEST_CASE("The gain by more processors is predicted for each job, plausibly", "[
             CHECK(gain < 2.0 * threads);
             before = gain;
         }
+        CHECK(row["span_seconds"] > 0.0);
+        CHECK(row["one_measured_by_predicted"] > 0.2);
         CHECK(row["span_seconds"] < 1.01 * row["work_seconds"].get<double>());
         CHECK_FALSE(row["caps_at_sixteen"].get<std::string>().empty());
     }
