@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <ranges>
 
 #include "core/error.h"
 #include "core/io/tensor_file.h"
@@ -37,6 +38,8 @@ void require_wider(const ModelConfig& narrow, const ModelConfig& wide) {
     if (from.conditioning != "modulation" || from.render != "blocks")
         fail<ValueError>("only a decoder with modulated layers and render blocks can be widened");
     ModelConfig same = wide;
+    same.decoder.resolution = from.resolution;
+    same.reconstruction.resolution_weights = narrow.reconstruction.resolution_weights;
     same.decoder.field_width = from.field_width;
     same.decoder.feature_channels = from.feature_channels;
     same.decoder.block_channels = from.block_channels;
@@ -51,15 +54,24 @@ void require_wider(const ModelConfig& narrow, const ModelConfig& wide) {
     }
     if (to_json(same) != to_json(narrow))
         fail<ConfigError>(
-            "widening changes decoder.field_width, .feature_channels, .block_channels and "
-            ".mask_channels, and adds encoder.identity_backbone and .expression_backbone, only");
-    const bool blocks =
-        std::ranges::equal(from.block_channels, to.block_channels, std::ranges::less_equal{});
-    if (to.field_width < from.field_width || to.feature_channels < from.feature_channels ||
-        to.mask_channels < from.mask_channels || !blocks)
+            "widening changes decoder.resolution, .field_width, .feature_channels, .block_channels "
+            "and .mask_channels and reconstruction.resolution_weights, and adds "
+            "encoder.identity_backbone and .expression_backbone, only");
+    const std::size_t blocks = from.block_channels.size();
+    if (to.resolution < from.resolution || to.block_channels.size() < blocks ||
+        to.field_width < from.field_width || to.feature_channels < from.feature_channels ||
+        to.mask_channels < from.mask_channels ||
+        !std::ranges::equal(from.block_channels, to.block_channels | std::views::take(blocks),
+                            std::ranges::less_equal{}))
         fail<ConfigError>(
-            "widening needs at least as many channels in every layer, and as many "
-            "render blocks as before");
+            "widening needs at least as many channels in every layer, render blocks and pixels as "
+            "before");
+}
+
+/// Whether an added parameter is zero, so that a new render block enlarges the image and the mask
+/// of the block before.
+bool starts_as_zero(const std::string& name) {
+    return name.find(".to_rgb.") != name.npos || name.find(".mask.lateral") != name.npos;
 }
 
 /// Copies the narrow tensor into the leading part of the wide one. In old rows the new columns are
@@ -120,6 +132,8 @@ void widen_model(const std::filesystem::path& in, const std::filesystem::path& o
             narrower->second = larger;  // it reads another embedding now
         else if (!added)
             narrower->second = embedded(narrower->second, larger);
+        else if (starts_as_zero(name))
+            narrower->second = Tensor::zeros(larger.shape());
     }
     config.encoder = without_weight_files(config.encoder);
     file.metadata["config"] = to_json(config);

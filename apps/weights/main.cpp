@@ -120,13 +120,14 @@ int stymo_weights(int argc, char** argv) {
     publish_command.option("out", out, "output file, .safetensors").required();
     stymo::Command widen_command = line.command(
         "widen",
-        "Makes a model with more channels that renders the same images, to train it further.",
+        "Makes a model with more channels or pixels that renders the same images, to train it "
+        "further.",
         [&](const stymo::CommonOptions&) { return widen(in, out, settings); });
     widen_command.option("in", in, "model.safetensors of a training run, or a published one")
         .required();
     widen_command.option("out", out, "output file, .safetensors").required();
     widen_command.option("--set", settings,
-                         "decoder.field_width=192, .feature_channels, .block_channels or "
-                         ".mask_channels; may be repeated");
+                         "decoder.field_width=192, .feature_channels, .block_channels, "
+                         ".mask_channels or .resolution; may be repeated");
     return line.run(argc, argv);
 }

@@ -7,6 +7,8 @@
 #include "core/io/scratch_folder.h"
 #include "core/ops/elementwise.h"
 #include "core/ops/reduce.h"
+#include "core/ops/resample.h"
+#include "nn/layers/render_block.h"
 #include "nn/realtime/view.h"
 #include "support/check_close.h"
 #include "support/error_message.h"
@@ -118,6 +120,46 @@ TEST_CASE("an expression backbone is added to a model that has one of identity",
     CHECK(values_of(both).at("encoder.heads.expr.wide.weight").shape()[1] == 192);
 }
 
+TEST_CASE("a model with a block more enlarges the images of before and can learn", "[model]") {
+    const ScratchFolder folder;
+    const Model small = deep_model(3);
+    small.save(folder / "small.safetensors");
+    const std::vector<std::string> finer{"decoder.resolution=64", "decoder.block_channels=[6,4,3]",
+                                         "reconstruction.resolution_weights=[1,1,1]"};
+    widen_model(folder / "small.safetensors", folder / "large.safetensors", finer);
+    Model large = Model::load(folder / "large.safetensors");
+    large.parameters().set_trainable("decoder.", true);
+    const Codes codes = random_codes(1, 5);
+    const std::vector<Camera> cameras{model_camera(small, 0.3, 0.1, 0.0)};
+    const DecodeOptions options{.samples_per_ray = 6, .mask = true};
+    const Decoded before = small.decoder()(codes, cameras, options);
+    const Decoded after = large.decoder()(codes, cameras, options);
+    REQUIRE(after.images.size() == 3);
+    CHECK(check_close(after.images[1].value(), before.images[1].value(), 1e-5).passed);
+    // The sum of colours is enlarged before its tanh.
+    const Variable image = before.images[1];
+    const Variable sum = log((image + 1.0) / (image * -1.0 + 1.0)) * 0.5;
+    CHECK(check_close(after.images[2].value(), tanh(upsample_smoothly(sum)).value(), 1e-4).passed);
+    CHECK(check_close(after.mask_logit.value(), resize_bilinear(before.mask_logit, 64, 64).value(),
+                      1e-5)
+              .passed);
+    const std::vector<Parameter> parameters = large.parameters().trainable();
+    const Variable loss = mean(square(after.images.back())) + mean(square(after.mask_logit));
+    const std::vector<Variable> gradients = grad(loss, variables_of(parameters));
+    std::size_t began_as_zero = 0;
+    for (std::size_t i = 0; i < parameters.size(); ++i) {
+        const std::string& name = parameters[i].name();
+        if (name != "decoder.block64.to_rgb.weight" && name != "decoder.mask.lateral64.weight")
+            continue;
+        ++began_as_zero;
+        INFO(name);
+        double gradient = 0.0;
+        for (const double slope : gradients[i].value().to_vector()) gradient += std::abs(slope);
+        CHECK(gradient > 0.0);
+    }
+    CHECK(began_as_zero == 2);
+}
+
 TEST_CASE("every new channel of a widened model can be learnt", "[model]") {
     const ScratchFolder folder;
     const Model narrow = deep_model(3);
@@ -161,5 +203,7 @@ TEST_CASE("what a model is not widened by is refused", "[model]") {
     CHECK_THAT(refusal({"decoder.frequencies=3"}), Catch::StartsWith("widening changes"));
     CHECK_THAT(refusal({"encoder.head_width=16"}), Catch::StartsWith("widening changes"));
     CHECK_THAT(refusal({"decoder.field_width=4"}), Catch::StartsWith("widening needs"));
+    CHECK_THAT(refusal({"decoder.resolution=16"}), Catch::StartsWith("widening needs"));
+    CHECK_THAT(refusal({"decoder.resolution=64"}), Catch::Contains("block_channels"));
     CHECK_THAT(refusal({"decoder.block_channels=[9]"}), Catch::StartsWith("widening needs"));
 }
