@@ -1,8 +1,8 @@
 #include "apps/weights/derived_models.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
-#include <ranges>
 
 #include "core/error.h"
 #include "core/io/tensor_file.h"
@@ -38,8 +38,10 @@ void require_wider(const ModelConfig& narrow, const ModelConfig& wide) {
     if (from.conditioning != "modulation" || from.render != "blocks")
         fail<ValueError>("only a decoder with modulated layers and render blocks can be widened");
     ModelConfig same = wide;
-    same.decoder.resolution = from.resolution;
-    same.reconstruction.resolution_weights = narrow.reconstruction.resolution_weights;
+    if (to.resolution > from.resolution) {
+        same.decoder.resolution = from.resolution;
+        same.reconstruction.resolution_weights = narrow.reconstruction.resolution_weights;
+    }
     same.decoder.field_width = from.field_width;
     same.decoder.feature_channels = from.feature_channels;
     same.decoder.block_channels = from.block_channels;
@@ -54,24 +56,31 @@ void require_wider(const ModelConfig& narrow, const ModelConfig& wide) {
     }
     if (to_json(same) != to_json(narrow))
         fail<ConfigError>(
-            "widening changes decoder.resolution, .field_width, .feature_channels, .block_channels "
-            "and .mask_channels and reconstruction.resolution_weights, and adds "
-            "encoder.identity_backbone and .expression_backbone, only");
+            "widening changes decoder.field_width, .feature_channels, .block_channels and "
+            ".mask_channels, enlarges decoder.resolution with "
+            "reconstruction.resolution_weights, and adds encoder.identity_backbone and "
+            ".expression_backbone, only");
+    const auto times = static_cast<std::uint64_t>(to.resolution / from.resolution);
+    const auto added = static_cast<std::size_t>(std::bit_width(times) - 1);
     const std::size_t blocks = from.block_channels.size();
-    if (to.resolution < from.resolution || to.block_channels.size() < blocks ||
-        to.field_width < from.field_width || to.feature_channels < from.feature_channels ||
-        to.mask_channels < from.mask_channels ||
-        !std::ranges::equal(from.block_channels, to.block_channels | std::views::take(blocks),
-                            std::ranges::less_equal{}))
+    if (to.block_channels.size() != blocks + added ||
+        wide.reconstruction.resolution_weights.size() !=
+            narrow.reconstruction.resolution_weights.size() + added)
         fail<ConfigError>(
-            "widening needs at least as many channels in every layer, render blocks and pixels as "
-            "before");
+            "widening needs one entry more of decoder.block_channels and "
+            "reconstruction.resolution_weights each time it doubles decoder.resolution");
+    if (to.field_width < from.field_width || to.feature_channels < from.feature_channels ||
+        to.mask_channels < from.mask_channels ||
+        !std::ranges::equal(from.block_channels, std::span(to.block_channels).first(blocks),
+                            std::ranges::less_equal{}))
+        fail<ConfigError>("widening needs at least as many channels in every layer as before");
 }
 
 /// Whether an added parameter is zero, so that a new render block enlarges the image and the mask
 /// of the block before.
 bool starts_as_zero(const std::string& name) {
-    return name.find(".to_rgb.") != name.npos || name.find(".mask.lateral") != name.npos;
+    return name.find(".to_rgb.") != std::string::npos ||
+           name.find(".mask.lateral") != std::string::npos;
 }
 
 /// Copies the narrow tensor into the leading part of the wide one. In old rows the new columns are

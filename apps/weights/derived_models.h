@@ -17,11 +17,11 @@ void publish_model(const std::filesystem::path& in, const std::filesystem::path&
 /// but the weights with which old channels read new ones are zero. `settings` are assignments
 /// ("decoder.field_width=192") to decoder.field_width, .feature_channels, .block_channels and
 /// .mask_channels, and to encoder.identity_backbone and .expression_backbone where there is none
-/// yet: then the head of identity or expression is drawn anew, so that its codes lie near 0. A
-/// larger decoder.resolution, with as many more block_channels and
-/// reconstruction.resolution_weights, adds render blocks that enlarge the images of before. Throws
-/// ConfigError for other settings and for fewer channels, ValueError for a decoder that is not the
-/// paper's, FileError for a file that is not a model of stymo.
+/// yet: then the head of identity or expression is drawn anew, so that its codes lie near 0. Each
+/// doubling of decoder.resolution, with one entry more of decoder.block_channels and
+/// reconstruction.resolution_weights, adds a render block that enlarges the images of before.
+/// Throws ConfigError for other settings and for fewer channels or pixels, ValueError for a decoder
+/// that is not the paper's, FileError for a file that is not a model of stymo.
 void widen_model(const std::filesystem::path& in, const std::filesystem::path& out,
                  std::span<const std::string> settings);
 

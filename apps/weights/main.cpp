@@ -126,8 +126,10 @@ int stymo_weights(int argc, char** argv) {
     widen_command.option("in", in, "model.safetensors of a training run, or a published one")
         .required();
     widen_command.option("out", out, "output file, .safetensors").required();
-    widen_command.option("--set", settings,
-                         "decoder.field_width=192, .feature_channels, .block_channels, "
-                         ".mask_channels or .resolution; may be repeated");
+    widen_command.option(
+        "--set", settings,
+        "decoder.field_width=192, .feature_channels, .block_channels, "
+        ".mask_channels or .resolution (one more of .block_channels and of "
+        "reconstruction.resolution_weights each time it doubles); may be repeated");
     return line.run(argc, argv);
 }

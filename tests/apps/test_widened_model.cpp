@@ -203,7 +203,13 @@ TEST_CASE("what a model is not widened by is refused", "[model]") {
     CHECK_THAT(refusal({"decoder.frequencies=3"}), Catch::StartsWith("widening changes"));
     CHECK_THAT(refusal({"encoder.head_width=16"}), Catch::StartsWith("widening changes"));
     CHECK_THAT(refusal({"decoder.field_width=4"}), Catch::StartsWith("widening needs"));
-    CHECK_THAT(refusal({"decoder.resolution=16"}), Catch::StartsWith("widening needs"));
+    CHECK_THAT(refusal({"decoder.resolution=16"}), Catch::StartsWith("widening changes"));
     CHECK_THAT(refusal({"decoder.resolution=64"}), Catch::Contains("block_channels"));
+    CHECK_THAT(refusal({"decoder.resolution=64", "decoder.block_channels=[6,4,3]"}),
+               Catch::Contains("reconstruction.resolution_weights"));
+    CHECK_THAT(refusal({"decoder.resolution=48"}), Catch::Contains("decoder.resolution 48"));
+    CHECK_THAT(refusal({"decoder.block_channels=[6,4,3]"}), Catch::StartsWith("widening needs"));
+    CHECK_THAT(refusal({"reconstruction.resolution_weights=[1,2]"}),
+               Catch::StartsWith("widening changes"));
     CHECK_THAT(refusal({"decoder.block_channels=[9]"}), Catch::StartsWith("widening needs"));
 }
