@@ -6,6 +6,7 @@
 #include <span>
 
 #include "core/error.h"
+#include "fit/photo/mask_edge.h"
 
 namespace stymo {
 namespace {
@@ -76,6 +77,10 @@ Tensor soft_head_mask(const Tensor& probability) {
                 *value = 0.0F;
         }
     return mask;
+}
+
+Tensor head_mask(const HeadMaskModel& model, const Tensor& crop) {
+    return edge_by_color(soft_head_mask(head_probability(model, crop)), crop);
 }
 
 double intersection_over_union(const Tensor& a, const Tensor& b) {

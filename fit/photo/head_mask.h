@@ -1,6 +1,7 @@
 #pragma once
 
 #include "core/tensor.h"
+#include "nn/pretrained/head_mask_network.h"
 
 namespace stymo {
 
@@ -8,6 +9,10 @@ namespace stymo {
 /// outside the largest 8-connected component of those above 0.5, whose soft edge is kept. Holes of
 /// less than 3 % of the component's area become 1.
 [[nodiscard]] Tensor soft_head_mask(const Tensor& probability);
+
+/// The head mask of an aligned crop (S, S, 3) in [0, 1]: the probabilities of the network, what
+/// `soft_head_mask` leaves of them, and the edge that `edge_by_color` finds.
+[[nodiscard]] Tensor head_mask(const HeadMaskModel& model, const Tensor& crop);
 
 /// Intersection over union of two masks; a pixel belongs to a mask if its value is above 0.5. It is
 /// 1 for two empty masks. Throws ShapeError for masks of different shapes.

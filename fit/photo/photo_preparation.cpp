@@ -188,7 +188,7 @@ struct PhotoPreparation::Implementation {
             fail<ValueError>(
                 "its head mask is not known, and no head-mask network lies beside this "
                 "program; name one with --mask-net");
-        return soft_head_mask(head_probability(*masks, image));
+        return head_mask(*masks, image);
     }
 
     [[nodiscard]] FaceCrop crop(const Tensor& photo, const KnownOfPhoto& known,

@@ -98,7 +98,7 @@ void run(const Arguments& arguments) {
         const std::string name = files[i].stem().string() + ".png";
         const Tensor photo = read_image(files[i]);
         const std::clock_t start = std::clock();
-        const Tensor mask = soft_head_mask(head_probability(model, photo));
+        const Tensor mask = head_mask(model, photo);
         seconds += static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
         ++count;
         if (!arguments.out.empty()) write_image(arguments.out / name, mask);

@@ -1,0 +1,97 @@
+#include "fit/photo/mask_edge.h"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "core/error.h"
+
+namespace stymo {
+namespace {
+
+constexpr double band_of_side = 1.0 / 64.0;
+constexpr double window_of_side = 0.06;
+
+/// The mean color of the selected pixels in a square around each pixel; `share` is how much of that
+/// square they fill.
+struct LocalColor {
+    cv::Mat mean;
+    cv::Mat share;
+};
+
+LocalColor local_color(const cv::Mat& image, const cv::Mat& selected, int window) {
+    const cv::Size square(window, window);
+    LocalColor result{cv::Mat::zeros(image.size(), CV_32FC3), {}};
+    image.copyTo(result.mean, selected);
+    cv::blur(result.mean, result.mean, square);
+    selected.convertTo(result.share, CV_32F, 1.0 / 255.0);
+    cv::blur(result.share, result.share, square);
+    for (int row = 0; row < image.rows; ++row)
+        for (int column = 0; column < image.cols; ++column)
+            result.mean.at<cv::Vec3f>(row, column) /=
+                std::max(result.share.at<float>(row, column), 1e-6F);
+    return result;
+}
+
+/// The head's share in the color of a pixel, and how far it can be trusted, both in [0, 1].
+struct HeadShare {
+    float value;
+    float trust;
+};
+
+HeadShare head_share(const cv::Vec3f& color, const cv::Vec3f& head, const cv::Vec3f& around) {
+    constexpr float no_contrast = 0.12F, full_contrast = 0.3F, rest_of_contrast = 0.6F;
+    const cv::Vec3f difference = head - around;
+    const float squared = difference.dot(difference), contrast = std::sqrt(squared);
+    if (contrast <= no_contrast) return {0.0F, 0.0F};
+    const float value = std::clamp((color - around).dot(difference) / squared, 0.0F, 1.0F);
+    const auto rest = static_cast<float>(cv::norm(color - around - difference * value));
+    const float differs = std::min((contrast - no_contrast) / (full_contrast - no_contrast), 1.0F);
+    const float explained = std::max(1.0F - rest / (rest_of_contrast * contrast), 0.0F);
+    return {value, differs * explained};
+}
+
+}  // namespace
+
+Tensor edge_by_color(const Tensor& mask, const Tensor& image) {
+    if (mask.rank() != 3 || mask.size() == 0 || mask.shape(2) != 1 ||
+        image.shape() != Shape{mask.shape(0), mask.shape(1), 3})
+        fail<ShapeError>(
+            "[edge_by_color] a mask is (height, width, 1) and its image (height, width, 3); got ",
+            mask.shape(), " and ", image.shape());
+    const int height = static_cast<int>(mask.shape(0)), width = static_cast<int>(mask.shape(1));
+    const int side = std::max(height, width);
+    Tensor result = mask, colors = image;
+    cv::Mat values(height, width, CV_32F, result.mutable_values<float>().data());
+    const cv::Mat pixels(height, width, CV_32FC3, colors.mutable_values<float>().data());
+
+    const int band = std::max(1, static_cast<int>(std::lround(side * band_of_side)));
+    const cv::Mat disk = cv::getStructuringElement(cv::MORPH_ELLIPSE, {2 * band + 1, 2 * band + 1});
+    const cv::Mat inside = values > 0.5;
+    cv::Mat head, near;
+    cv::erode(inside, head, disk);
+    cv::dilate(inside, near, disk);
+    const cv::Mat around = near == 0;
+
+    const int window = 2 * (static_cast<int>(side * window_of_side) / 2) + 1;
+    const LocalColor of_head = local_color(pixels, head, window),
+                     of_around = local_color(pixels, around, window);
+    constexpr float enough = 1e-3F;  // of a window
+    for (int row = 0; row < height; ++row)
+        for (int column = 0; column < width; ++column) {
+            const bool is_edge = head.at<unsigned char>(row, column) == 0 &&
+                                 near.at<unsigned char>(row, column) != 0;
+            if (!is_edge || of_head.share.at<float>(row, column) < enough ||
+                of_around.share.at<float>(row, column) < enough)
+                continue;
+            const HeadShare share = head_share(pixels.at<cv::Vec3f>(row, column),
+                                               of_head.mean.at<cv::Vec3f>(row, column),
+                                               of_around.mean.at<cv::Vec3f>(row, column));
+            float& value = values.at<float>(row, column);
+            const float wanted = value > 0.5F ? share.value : std::min(share.value, value);
+            value += share.trust * (wanted - value);
+        }
+    return result;
+}
+
+}  // namespace stymo

@@ -1,0 +1,81 @@
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <vector>
+
+#include "core/error.h"
+#include "fit/photo/mask_edge.h"
+
+namespace mask_edge_tests {
+
+using namespace stymo;
+
+namespace {
+
+constexpr std::int64_t side = 256;
+
+/// An image or a mask with the values of a function of the distance from a head's outline.
+template <class Function>
+Tensor by_distance(std::int64_t channels, const Function& value) {
+    Tensor result({side, side, channels});
+    auto next = result.mutable_values<float>().begin();
+    for (std::int64_t row = 0; row < side; ++row)
+        for (std::int64_t column = 0; column < side; ++column)
+            for (std::int64_t channel = 0; channel < channels; ++channel)
+                *next++ =
+                    static_cast<float>(value(80.0 - std::hypot(static_cast<double>(row) - 128.0,
+                                                               static_cast<double>(column) - 128.0),
+                                             channel));
+    return result;
+}
+
+double share(double distance) {
+    return std::clamp(0.5 + distance / 2.0, 0.0, 1.0);
+}
+
+/// A head before a wall, with a soft edge at the distance 0.
+Tensor photo(double wall) {
+    return by_distance(3, [wall](double distance, std::int64_t channel) {
+        const double head = 0.2 + 0.05 * static_cast<double>(channel);
+        return share(distance) * head + (1.0 - share(distance)) * wall;
+    });
+}
+
+double largest_difference(const Tensor& a, const Tensor& b) {
+    const std::vector<double> first = a.to_vector(), second = b.to_vector();
+    double largest = 0.0;
+    for (std::size_t i = 0; i < first.size(); ++i)
+        largest = std::max(largest, std::abs(first[i] - second[i]));
+    return largest;
+}
+
+}  // namespace
+
+TEST_CASE("a mask that reaches onto a bright wall ends where the head's colour ends") {
+    const Tensor wide =
+        by_distance(1, [](double distance, std::int64_t) { return share(distance + 1.5); });
+    const Tensor expected =
+        by_distance(1, [](double distance, std::int64_t) { return share(distance); });
+    CHECK(largest_difference(edge_by_color(wide, photo(0.95)), expected) < 0.01);
+}
+
+TEST_CASE("a mask stays where the head has the wall's colour, or the photo neither's") {
+    const Tensor mask =
+        by_distance(1, [](double distance, std::int64_t) { return share(distance + 1.0); });
+    CHECK(largest_difference(edge_by_color(mask, photo(0.25)), mask) < 1e-3);
+    const Tensor rimmed = by_distance(3, [](double distance, std::int64_t channel) {
+        if (std::abs(distance) < 3.0) return channel == 0 ? 1.0 : 0.0;  // a red collar
+        return distance > 0.0 ? 0.3 : 0.8;
+    });
+    CHECK(largest_difference(edge_by_color(mask, rimmed), mask) < 1e-3);
+    // A neck is outside the mask, and has the colour of the head.
+    const Tensor narrow =
+        by_distance(1, [](double distance, std::int64_t) { return distance > 2.0 ? 1.0 : 0.0; });
+    CHECK(largest_difference(edge_by_color(narrow, photo(0.95)), narrow) < 1e-3);
+    // Without anything inside or around there is nothing to compare with.
+    const Tensor everywhere = Tensor::full({side, side, 1}, 1.0);
+    CHECK(largest_difference(edge_by_color(everywhere, photo(0.95)), everywhere) < 1e-3);
+    CHECK_THROWS_AS(edge_by_color(mask, Tensor::zeros({side, side, 1})), ShapeError);
+}
+
+}  // namespace mask_edge_tests
