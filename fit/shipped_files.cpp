@@ -50,6 +50,14 @@ path shipped_model(const path& folder) {
     return shipped_file("models/faces-256/model.safetensors", folder);
 }
 
+path named_model(const path& model, const path& folder) {
+    if (model.empty()) return shipped_model(folder);
+    std::error_code error;
+    if (model.has_parent_path() || std::filesystem::exists(model, error)) return model;
+    const path shipped = shipped_file("models" / model / "model.safetensors", folder);
+    return shipped.empty() ? model : shipped;
+}
+
 path shipped_landmark_network(const path& folder) {
     return shipped_file("models/landmarks/landmarks.safetensors", folder);
 }

@@ -18,8 +18,9 @@ namespace stymo {
 
 namespace {
 
-std::filesystem::path model_file(std::filesystem::path file, const std::filesystem::path& configs) {
-    if (file.empty()) file = shipped_model(configs);
+std::filesystem::path model_file(const std::filesystem::path& model,
+                                 const std::filesystem::path& configs) {
+    std::filesystem::path file = named_model(model, configs);
     if (file.empty())
         fail<FileError>("the model that comes with stymo was not found",
                         configs.empty() ? "" : " in " + configs.string(), "; name a model's file");

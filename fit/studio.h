@@ -39,9 +39,9 @@ struct StudioView {
 /// renderer, one after the other. While it works, subnormal numbers are flushed to zero.
 class Studio {
 public:
-    /// Reads `model`, or without it the model that comes with stymo. `configs` is the folder of an
-    /// installation that has this model and the networks for photos, share/stymo/configs; empty: it
-    /// is searched for (shipped_files.h). Throws FileError.
+    /// Reads the model that `named_model` finds: a file, "faces-512", or faces-256 without a name.
+    /// `configs` is the folder of an installation that has this model and the networks for photos,
+    /// share/stymo/configs; empty: it is searched for (shipped_files.h). Throws FileError.
     explicit Studio(std::filesystem::path model = {}, std::filesystem::path configs = {});
     ~Studio();
     Studio(Studio&&) noexcept;

@@ -28,9 +28,9 @@ STYMO_API const char* stymo_error(void);
 /* Threads of all calls of this process; 0: one for each processor. */
 STYMO_API int stymo_set_threads(int count);
 
-/* Reads a model's file, or if `path` is NULL the model that comes with stymo. `configs` is the
- * folder share/stymo/configs of an installation, with that model and the networks for photos; NULL:
- * it is searched for near the library and the program. */
+/* Reads a model's file, or the model that comes with stymo under the name "faces-512", or if `path`
+ * is NULL faces-256. `configs` is the folder share/stymo/configs of an installation, with these
+ * models and the networks for photos; NULL: it is searched for near the library and the program. */
 STYMO_API stymo_model* stymo_model_load(const char* path, const char* configs);
 STYMO_API void stymo_model_free(stymo_model* model); /* NULL: does nothing */
 /* Side of the model's images in pixels; -1 if `model` is NULL. */

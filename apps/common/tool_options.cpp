@@ -26,9 +26,10 @@ LpipsConfig with_files(LpipsConfig config, const LpipsOptions& options) {
 }  // namespace
 
 void declare_model(Command& command, ModelOptions& options) {
-    command.option("--model", options.file,
-                   "model.safetensors of a training run (default: the model that comes with "
-                   "stymo)");
+    command.option(
+        "--model", options.file,
+        "model.safetensors of a training run, or faces-512: the model for 512 pixels that "
+        "comes with stymo (default: faces-256, that for 256 pixels)");
 }
 
 void declare_tuned(Command& command, ModelOptions& options) {
@@ -38,8 +39,7 @@ void declare_tuned(Command& command, ModelOptions& options) {
 }
 
 std::filesystem::path model_file(const ModelOptions& options) {
-    if (!options.file.empty()) return options.file;
-    const std::filesystem::path file = shipped_model();
+    std::filesystem::path file = named_model(options.file);
     if (!file.empty()) return file;
     fail<UsageError>("--model is required: no model lies beside this program");
 }

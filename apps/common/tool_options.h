@@ -19,7 +19,7 @@ namespace stymo {
 
 /// The model of a tool, with the changes of its weights for a tuned face.
 struct ModelOptions {
-    std::filesystem::path file;   ///< empty: the model that is shipped with stymo
+    std::filesystem::path file;   ///< as for `named_model`
     std::filesystem::path tuned;  ///< file written by `stymo-fit --tune`; empty: none
 };
 

@@ -213,7 +213,9 @@ void bind_model(nb::module_& module) {
                 const nb::gil_scoped_release unlocked;
                 return Studio(path.value_or(Path()));
             },
-            "path"_a = nb::none(), "Reads a model's file; without a path the model of stymo.")
+            "path"_a = nb::none(),
+            "Reads a model's file, or \"faces-512\", the model for 512 pixels that comes with "
+            "stymo; without a path that for 256 pixels.")
         .def_prop_ro(
             "side", [](const Studio& studio) { return studio.model().config().decoder.resolution; },
             "Side of the model's images in pixels.")

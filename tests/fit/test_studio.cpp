@@ -32,6 +32,12 @@ TEST_CASE("A studio finds the model above the program and renders as the library
           "[studio]") {
     CHECK(std::filesystem::equivalent(
         shipped_model(), STYMO_SOURCE_DIR "/configs/models/faces-256/model.safetensors"));
+    CHECK(named_model({}) == shipped_model());
+    CHECK(std::filesystem::equivalent(
+        named_model("faces-512"), STYMO_SOURCE_DIR "/configs/models/faces-512/model.safetensors"));
+    // A path is meant as it stands, and what has no model is left to the reader of the file.
+    CHECK(named_model("./faces-512") == "./faces-512");
+    CHECK(named_model("no.safetensors") == "no.safetensors");
     const Studio& studio = shared_studio();
     CHECK(studio.model().validation_psnr());  // what stymo-fit takes for usual
     const StudioFace face = studio.sample(3);
