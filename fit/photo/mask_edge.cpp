@@ -12,6 +12,13 @@ namespace {
 constexpr double band_of_side = 1.0 / 64.0;
 constexpr double window_of_side = 0.06;
 
+/// 255 where the nearest pixel that is not set is farther away than that, else 0.
+cv::Mat farther_than(double distance, const cv::Mat& set) {
+    cv::Mat distances;
+    cv::distanceTransform(set, distances, cv::DIST_L2, cv::DIST_MASK_PRECISE);
+    return distances > distance;
+}
+
 /// The mean color of the selected pixels in a square around each pixel; `share` is how much of that
 /// square they fill.
 struct LocalColor {
@@ -65,13 +72,9 @@ Tensor edge_by_color(const Tensor& mask, const Tensor& image) {
     cv::Mat values(height, width, CV_32F, result.mutable_values<float>().data());
     const cv::Mat pixels(height, width, CV_32FC3, colors.mutable_values<float>().data());
 
-    const int band = std::max(1, static_cast<int>(std::lround(side * band_of_side)));
-    const cv::Mat disk = cv::getStructuringElement(cv::MORPH_ELLIPSE, {2 * band + 1, 2 * band + 1});
+    const double band = std::max(1.0, side * band_of_side);
     const cv::Mat inside = values > 0.5;
-    cv::Mat head, near;
-    cv::erode(inside, head, disk);
-    cv::dilate(inside, near, disk);
-    const cv::Mat around = near == 0;
+    const cv::Mat head = farther_than(band, inside), around = farther_than(band, inside == 0);
 
     const int window = 2 * (static_cast<int>(side * window_of_side) / 2) + 1;
     const LocalColor of_head = local_color(pixels, head, window),
@@ -80,7 +83,7 @@ Tensor edge_by_color(const Tensor& mask, const Tensor& image) {
     for (int row = 0; row < height; ++row)
         for (int column = 0; column < width; ++column) {
             const bool is_edge = head.at<unsigned char>(row, column) == 0 &&
-                                 near.at<unsigned char>(row, column) != 0;
+                                 around.at<unsigned char>(row, column) == 0;
             if (!is_edge || of_head.share.at<float>(row, column) < enough ||
                 of_around.share.at<float>(row, column) < enough)
                 continue;
