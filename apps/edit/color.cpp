@@ -157,7 +157,7 @@ AppResult color(ColorOptions options) {
     const Model model = load_model(options.model, ModelParts::decoder);
     options.edit.samples_per_ray =
         options.samples.value_or(model.config().reconstruction.fit_samples_per_ray);
-    const CodeFile face = read_code_file(options.codes);
+    const CodeFile face = read_own_codes(options.codes, options.model);
     FaceParser parser(options.parser);
     const Camera camera = camera_from_pose(face.pose, model.config().camera.intrinsics);
     const View view = render_view(model, face.codes, 0, camera,
@@ -186,7 +186,7 @@ AppResult color(ColorOptions options) {
                              with_patch(edit.after, mean_color(edit.after, regions.part))},
                             3));
     write_image(options.out / "render.png", edit.after);
-    write_code_file(options.out / "codes.json", edit.codes, 0, face.pose);
+    write_code_file(options.out / "codes.json", edit.codes, 0, face.pose, face.model);
     write_file(options.out / "report.json", result.json.text() + "\n", Durability::none);
     const std::int64_t steps = std::ssize(edit.losses);
     if (steps < options.edit.steps)

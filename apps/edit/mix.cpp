@@ -48,9 +48,9 @@ std::vector<std::string> names_of(const CodeGroups& groups) {
     return names;
 }
 
-std::vector<CodeFile> faces_of(const std::vector<std::string>& files) {
+std::vector<CodeFile> faces_of(const std::vector<std::string>& files, const ModelOptions& model) {
     std::vector<CodeFile> faces;
-    for (const std::string& file : files) faces.push_back(read_code_file(file));
+    for (const std::string& file : files) faces.push_back(read_own_codes(file, model));
     return faces;
 }
 
@@ -91,7 +91,7 @@ AppResult mix_two(const Model& model, const MixOptions& options, const CodeFile&
         mean_difference(before, after, Tensor::full({before.shape(0), before.shape(1), 1}, 1.0));
     write_image(options.out / "mix.png", tile_images({shown(source.codes), before, after}, 3));
     write_image(options.out / "render.png", after);
-    write_code_file(options.out / "codes.json", mixed, 0, target.pose);
+    write_code_file(options.out / "codes.json", mixed, 0, target.pose, target.model);
     return written(options.out, "mix.png",
                    JsonValue::object({{"source", options.sources.front()},
                                       {"target", options.targets.front()},
@@ -127,9 +127,9 @@ AppResult mix(MixOptions options, std::uint64_t seed) {
     const Model model = load_model(options.model, ModelParts::decoder);
     const ViewOptions view{.samples_per_ray = options.samples.value_or(
                                model.config().reconstruction.fit_samples_per_ray)};
-    std::vector<CodeFile> sources = faces_of(options.sources);
+    std::vector<CodeFile> sources = faces_of(options.sources, options.model);
     add_sampled(model, options, sources, seed);
-    const std::vector<CodeFile> targets = faces_of(options.targets);
+    const std::vector<CodeFile> targets = faces_of(options.targets, options.model);
     require_writable_folder(options.out);
     return sheet ? mix_sheet(model, options, sources, targets, view)
                  : mix_two(model, options, sources.front(), targets.front(), view);

@@ -221,7 +221,7 @@ WrittenImages write_new_faces(const RenderOptions& options, const Model& model,
     const Pose pose = chosen_pose(options, model, frontal_pose(model.config().camera));
     Rng unused(0);
     const Codes rest = options.codes.empty() ? statistics.sample(unused, 0.0)
-                                             : read_code_file(options.codes).codes;
+                                             : read_own_codes(options.codes, options.model).codes;
     ShotList list;
     for (int i = 0; i < options.sample; ++i) {
         Rng own = rng.split(static_cast<std::uint64_t>(i));

@@ -58,7 +58,7 @@ stymo::AppResult render(stymo::RenderOptions options, const stymo::CommonOptions
     if (options.sample > 0) {
         images = stymo::write_new_faces(options, model, common.seed);
     } else {
-        const stymo::CodeFile face = stymo::read_code_file(options.codes);
+        const stymo::CodeFile face = stymo::read_own_codes(options.codes, options.model);
         for (const std::filesystem::path& file : {options.out, options.mesh}) {
             if (!file.empty()) stymo::require_folder_of(file);
         }

@@ -76,7 +76,7 @@ ShotList grid(const RenderOptions& options, const Model& model, const Codes& cod
 }
 
 ShotList interpolation(const RenderOptions& options, const Pose& pose, const Codes& from) {
-    const Codes to = read_code_file(options.to).codes;
+    const Codes to = read_own_codes(options.to, options.model).codes;
     ShotList list{.shots = {}, .columns = options.frames, .returning = true};
     for (int frame = 0; frame < options.frames; ++frame) {
         const double part = static_cast<double>(frame) / (options.frames - 1);

@@ -25,7 +25,7 @@ SharedState::SharedState(const ViewerOptions& options) : options_(options) {
         directions_ = leading_directions(*model_->code_statistics(), directions_of_group);
     for (const std::string& file : options.codes)
         first_faces_.emplace_back(std::filesystem::path(file).stem().string(),
-                                  read_code_file(file));
+                                  read_own_codes(file, options.model));
     if (first_faces_.empty() && model_->code_statistics()) {
         for (std::uint64_t seed = 1; seed <= drawn_faces; ++seed)
             first_faces_.emplace_back("drawn " + std::to_string(seed),

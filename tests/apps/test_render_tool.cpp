@@ -248,4 +248,21 @@ TEST_CASE("A model that overflows is refused with one line in each mode, and not
         CHECK_FALSE(fs::exists(tiny_run() / file));
 }
 
+TEST_CASE("Codes of another model are neither rendered nor mixed", "[render]") {
+    json other = json::parse(stymo::read_file(tiny_run() / "fit/codes.json"));
+    REQUIRE(other.contains("model"));
+    other["model"] = "00000000";
+    stymo::write_file(tiny_run() / "other_model.json", other.dump());
+    refused("--codes other_model.json --out no.png", 1, "codes of another model");
+    refused(of_fit + std::string("--to other_model.json --frames 3 --out no.gif"), 1,
+            "codes of another model");
+    CHECK_FALSE(fs::exists(tiny_run() / "no.png"));
+    const ToolOutcome mixed = stymo::run_tool(
+        tiny_run(),
+        "stymo-edit mix --model run/model.safetensors --source other_model.json --target "
+        "fit/codes.json --take expr --out no_mix");
+    CHECK(mixed.exit_code == 1);
+    CHECK_THAT(mixed.err, Catch::Contains("codes of another model"));
+}
+
 }  // namespace render_tool_tests
