@@ -6,6 +6,7 @@
 
 #include "core/error.h"
 #include "core/io/tensor_file.h"
+#include "nn/models/code_file.h"
 #include "nn/models/model.h"
 
 namespace stymo {
@@ -18,6 +19,7 @@ void publish_model(const std::filesystem::path& in, const std::filesystem::path&
     config.reconstruction.perceptual_weight = config.encoder.backbone == "small_conv" ? 1.0 : 0.0;
     TensorFile file = read_tensor_file(in);
     file.metadata["config"] = to_json(config);
+    file.metadata[mark_key] = model_mark(in);
     write_tensor_file(out, file, StoredElements::float16);
 }
 

@@ -9,7 +9,8 @@ namespace stymo {
 /// Writes a copy of a model for publication: 16-bit numbers, and no paths of weight files in its
 /// configuration. Since LPIPS needs such a file, the perceptual term of the copy uses activations
 /// of the model's own encoder; if the backbone does not provide activations, there is no perceptual
-/// term. Throws FileError for a file that is not a model of stymo.
+/// term. Codes of either are codes of the other. Throws FileError for a file that is not a model of
+/// stymo.
 void publish_model(const std::filesystem::path& in, const std::filesystem::path& out);
 
 /// Writes a model with more channels that renders the same images, so that a training can continue

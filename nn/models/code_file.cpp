@@ -9,6 +9,7 @@
 #include "core/io/file.h"
 #include "core/io/json_check.h"
 #include "core/io/json_writer.h"
+#include "core/io/tensor_file.h"
 #include "render/pose_json.h"
 
 namespace stymo {
@@ -94,6 +95,9 @@ CodeFile parse_code_file(const std::string& text, const std::string& source) {
 }
 
 std::string model_mark(const std::filesystem::path& model) {
+    const TensorFile file = read_tensor_file(model);
+    if (const auto mark = file.metadata.find(mark_key); mark != file.metadata.end())
+        return mark->second;
     std::ostringstream text;
     text << std::hex << crc32c(read_file(model));
     return text.str();

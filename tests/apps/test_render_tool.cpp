@@ -231,11 +231,14 @@ TEST_CASE("A model that overflows is refused with one line in each mode, and not
         return model;
     }();
     broken.save(tiny_run() / "broken.safetensors");
+    json codes = json::parse(stymo::read_file(tiny_run() / "fit/codes.json"));
+    codes.erase("model");
+    stymo::write_file(tiny_run() / "no_mark.json", codes.dump());
     for (const std::string command :
-         {"stymo-render --codes fit/codes.json --mode exact --out broken.png",
-          "stymo-render --codes fit/codes.json --mode skip --out broken.png",
-          "stymo-render --codes fit/codes.json --tolerance 0.1 --out broken.png",
-          "stymo-render --codes fit/codes.json --orbit 2 --out broken.gif",
+         {"stymo-render --codes no_mark.json --mode exact --out broken.png",
+          "stymo-render --codes no_mark.json --mode skip --out broken.png",
+          "stymo-render --codes no_mark.json --tolerance 0.1 --out broken.png",
+          "stymo-render --codes no_mark.json --orbit 2 --out broken.gif",
           "stymo-eval --data faces --ids 0"}) {
         const ToolOutcome outcome =
             stymo::run_tool(tiny_run(), command + " --model broken.safetensors");
