@@ -63,15 +63,17 @@ Tensor soft_head_mask(const Tensor& probability) {
     cv::Mat whole = found.clone();
     fill_small_holes(whole);
     const int edge = 2 * (std::max(height, width) / 64) + 1;
-    cv::Mat near;
-    cv::dilate(found, near, cv::getStructuringElement(cv::MORPH_ELLIPSE, {edge, edge}));
+    const cv::Mat disk = cv::getStructuringElement(cv::MORPH_ELLIPSE, {edge, edge});
+    cv::Mat near, inside;
+    cv::dilate(found, near, disk);
+    cv::erode(whole, inside, disk);
     Tensor mask = probability;
     auto value = mask.mutable_values<float>().begin();
     for (int row = 0; row < height; ++row)
         for (int column = 0; column < width; ++column, ++value) {
             const bool is_hole = whole.at<unsigned char>(row, column) != 0 &&
                                  found.at<unsigned char>(row, column) == 0;
-            if (is_hole)
+            if (is_hole || inside.at<unsigned char>(row, column) != 0)
                 *value = 1.0F;
             else if (near.at<unsigned char>(row, column) == 0)
                 *value = 0.0F;

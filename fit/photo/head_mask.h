@@ -6,8 +6,8 @@
 namespace stymo {
 
 /// The probabilities (height, width, 1) of a head-mask network without what is not the head: 0
-/// outside the largest 8-connected component of those above 0.5, whose soft edge is kept. Holes of
-/// less than 3 % of the component's area become 1.
+/// outside the largest 8-connected component of those above 0.5, and 1 in its holes of less than
+/// 3 % of its area and farther inside than a 64th of the side. Between them the edge stays soft.
 [[nodiscard]] Tensor soft_head_mask(const Tensor& probability);
 
 /// The head mask of an aligned crop (S, S, 3) in [0, 1]: the probabilities of the network, what
