@@ -10,7 +10,7 @@ namespace stymo {
 namespace {
 
 constexpr double band_of_side = 1.0 / 64.0;
-constexpr double window_of_side = 0.06;
+constexpr double radius_of_side = 0.03;  ///< of the squares in which colors are averaged
 
 /// 255 where the nearest pixel that is not set is farther away than that, else 0.
 cv::Mat farther_than(double distance, const cv::Mat& set) {
@@ -76,7 +76,10 @@ Tensor edge_by_color(const Tensor& mask, const Tensor& image) {
     const cv::Mat inside = values > 0.5;
     const cv::Mat head = farther_than(band, inside), around = farther_than(band, inside == 0);
 
-    const int window = 2 * (static_cast<int>(side * window_of_side) / 2) + 1;
+    // From each rim of the band the square reaches across it.
+    const int radius = std::max(static_cast<int>(side * radius_of_side),
+                                2 * static_cast<int>(std::ceil(band)) + 1);
+    const int window = 2 * radius + 1;
     const LocalColor of_head = local_color(pixels, head, window),
                      of_around = local_color(pixels, around, window);
     constexpr float enough = 1e-3F;  // of a window

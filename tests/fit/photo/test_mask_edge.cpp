@@ -59,6 +59,24 @@ TEST_CASE("a mask that reaches onto a bright wall ends where the head's colour e
     CHECK(largest_difference(edge_by_color(wide, photo(0.95)), expected) < 0.01);
 }
 
+TEST_CASE("the smallest masks get an edge too") {
+    constexpr std::int64_t small = 64;
+    Tensor mask({small, small, 1}), image({small, small, 3});
+    auto value = mask.mutable_values<float>().begin(),
+         color = image.mutable_values<float>().begin();
+    for (std::int64_t row = 0; row < small; ++row)
+        for (std::int64_t column = 0; column < small; ++column) {
+            const bool head = column < 31;
+            *value++ = column < 32 ? 1.0F : 0.0F;  // a column too far
+            for (int channel = 0; channel < 3; ++channel) *color++ = head ? 0.2F : 0.9F;
+        }
+    const Tensor result = edge_by_color(mask, image);
+    const auto of_column = [&](std::size_t column) { return result.values<float>()[column]; };
+    CHECK(of_column(30) == 1.0F);
+    CHECK(of_column(31) < 0.01F);
+    CHECK(of_column(32) == 0.0F);
+}
+
 TEST_CASE("a mask stays where the head has the wall's colour, or the photo neither's") {
     const Tensor mask =
         by_distance(1, [](double distance, std::int64_t) { return share(distance + 1.0); });
