@@ -53,7 +53,7 @@ path shipped_model(const path& folder) {
 path named_model(const path& model, const path& folder) {
     if (model.empty()) return shipped_model(folder);
     std::error_code error;
-    if (model.has_parent_path() || std::filesystem::exists(model, error)) return model;
+    if (model.has_parent_path() || std::filesystem::is_regular_file(model, error)) return model;
     const path shipped = shipped_file("models" / model / "model.safetensors", folder);
     return shipped.empty() ? model : shipped;
 }

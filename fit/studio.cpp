@@ -57,6 +57,11 @@ struct Studio::State {
         return *renderer;
     }
 
+    void require_own(const StudioFace& face) const {
+        if (!face.face.model.empty() && face.face.model != mark)
+            fail<ValueError>("this face is one of another model");
+    }
+
     [[nodiscard]] StudioFace run(const Face& photo, FitJobOptions fit_options,
                                  const FitObserver& observer) const {
         const ReconstructionConfig& config = model.config().reconstruction;
@@ -122,6 +127,7 @@ StudioFace Studio::tune(const StudioFace& face, double seconds, std::int64_t ste
                         const FitObserver& observer) const {
     if (!face.photo)
         fail<ValueError>("only a face that was fitted to a photo here can be tuned to it");
+    state_->require_own(face);
     if (!(seconds > 0.0) && steps <= 0)
         fail<ValueError>("tuning needs a limit, in seconds or steps, above 0");
     const SubnormalsFlushed flushed;
@@ -136,6 +142,7 @@ StudioFace Studio::tune(const StudioFace& face, double seconds, std::int64_t ste
 View Studio::render(const StudioFace& face, const StudioView& view) const {
     for (const std::optional<double>& angle : {view.yaw, view.pitch, view.roll})
         if (angle && !std::isfinite(*angle)) fail<ValueError>("an angle is ", *angle, " degrees");
+    state_->require_own(face);
     const Model& model = state_->model;
     const Camera camera = view.yaw || view.pitch || view.roll
                               ? turned_camera(model.config().camera, head_middle,
@@ -155,6 +162,7 @@ FaceMesh Studio::mesh(const StudioFace& face, std::int64_t texture_side, bool ne
         !std::has_single_bit(static_cast<std::uint64_t>(texture_side)))
         fail<ValueError>("a texture has a side of 64, 128, 256 ... 8192 pixels, not ",
                          texture_side);
+    state_->require_own(face);
     const std::filesystem::path landmarks = shipped_landmark_network(state_->configs);
     if (landmarks.empty()) fail<FileError>("the landmark network of stymo was not found");
     const SubnormalsFlushed flushed;
@@ -194,6 +202,9 @@ Tensor tensor_from_bytes(std::span<const std::uint8_t> pixels, const Shape& shap
 }
 
 StudioFace mix(const StudioFace& target, const StudioFace& source, const std::string& take) {
+    const std::string &of_target = target.face.model, &of_source = source.face.model;
+    if (!of_target.empty() && !of_source.empty() && of_target != of_source)
+        fail<ValueError>("the two faces are of two models");
     StudioFace result = target;
     result.face.codes = mix_codes(target.face.codes, source.face.codes, code_groups_of(take));
     result.photo.reset();

@@ -11,6 +11,7 @@
 #include "core/ops/ops.h"
 #include "fit/fit_report.h"
 #include "fit/fitter.h"
+#include "fit/shipped_files.h"
 #include "fit/tuning.h"
 #include "nn/models/display_image.h"
 #include "nn/realtime/view.h"
@@ -220,7 +221,7 @@ Row fit_summary(const std::vector<FitCurve>& curves, const std::vector<FitCurve>
 }
 
 StudyPlan fitting_plan(const StudyInputs& inputs) {
-    Model loaded = Model::load(inputs.fitting.model);
+    Model loaded = Model::load(named_model(inputs.fitting.model));
     const ReconstructionConfig paper_config = paper_loss(inputs, loaded.config().reconstruction);
     const auto judge = std::make_shared<const Judge>(std::move(loaded), paper_config);
     const ModelConfig& config = judge->model.config();
@@ -271,7 +272,7 @@ StudyPlan fitting_plan(const StudyInputs& inputs) {
 /// Tuning of one fitted face for several times, with the steps that the machine does in them.
 StudyPlan tuning_plan(const StudyInputs& inputs) {
     constexpr std::int64_t fit_steps = 30;
-    Model loaded = Model::load(inputs.fitting.model);
+    Model loaded = Model::load(named_model(inputs.fitting.model));
     ReconstructionConfig config = loaded.config().reconstruction;
     config.perceptual_weight = 0.0;  // tuning is then judged by what it lowers
     const auto judge = std::make_shared<const Judge>(std::move(loaded), config);

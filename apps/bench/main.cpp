@@ -15,6 +15,7 @@
 #include "core/io/folder_in_progress.h"
 #include "core/matmul_precision.h"
 #include "core/parallel.h"
+#include "fit/shipped_files.h"
 
 namespace stymo {
 
@@ -97,7 +98,7 @@ AppResult write_report(const ReportOptions& options) {
     const std::vector<Study> studies = chosen_studies(options);
     StudyInputs inputs = options.inputs;
     for (const std::filesystem::path& model : {inputs.bench.model, inputs.fitting.model})
-        if (!model.empty() && !std::filesystem::exists(model))
+        if (!model.empty() && !std::filesystem::exists(named_model(model)))
             fail<FileError>(model.string(), ": no such file");
     FolderInProgress folder(options.out);
     const InterruptGuard guard;
@@ -136,9 +137,10 @@ AppResult write_report(const ReportOptions& options) {
 }
 
 void declare(Command& command, BenchOptions& options) {
-    command.option(
-        "--model", options.model,
-        "model.safetensors of a training run; without one paper-512 with random weights");
+    command.option("--model", options.model,
+                   "model.safetensors of a training run, or the name of a model that comes with "
+                   "stymo; without "
+                   "one paper-512 with random weights");
     command.option(
         "--data", options.data,
         "folder of photos in FFHQ format whose codes are shown; without one random ones");

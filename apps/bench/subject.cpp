@@ -10,6 +10,7 @@
 #include "core/clock.h"
 #include "core/metrics.h"
 #include "core/ops/ops.h"
+#include "fit/shipped_files.h"
 #include "nn/realtime/chosen_tolerance.h"
 #include "nn/realtime/view.h"
 #include "train/data/dataset.h"
@@ -78,7 +79,7 @@ Timing time_repeated(int repeats, double at_least_seconds, const std::function<v
 
 BenchSubject make_subject(const BenchOptions& options) {
     Rng rng = Rng(options.seed).split("model");
-    Model model = options.model.empty() ? Model({}, rng) : Model::load(options.model);
+    Model model = options.model.empty() ? Model({}, rng) : Model::load(named_model(options.model));
     model.parameters().set_trainable("", false);
     BenchSubject subject{std::move(model), {}, {}, {}};
     const ModelConfig& config = subject.model.config();

@@ -64,6 +64,14 @@ CodeFile read_own_codes(const std::filesystem::path& file, const ModelOptions& o
     return read_code_file(file, model_mark(options));
 }
 
+void require_not_read(const std::filesystem::path& out,
+                      const std::vector<std::filesystem::path>& inputs) {
+    std::error_code missing;
+    for (const std::filesystem::path& input : inputs)
+        if (std::filesystem::equivalent(input, out, missing))
+            fail<UsageError>("--out: ", input.string(), ", which is read, would be replaced");
+}
+
 void declare_head(Command& command, std::filesystem::path& file, const std::string& purpose,
                   const std::string& otherwise) {
     command.option("--morphable", file,

@@ -35,11 +35,15 @@ void declare_tuned(Command& command, ModelOptions& options);
 /// throw.
 [[nodiscard]] Model load_model(const ModelOptions& options, ModelParts parts = ModelParts::all);
 
-/// What the codes of that model are marked with: a checksum of its file.
+/// What the codes of that model are marked with.
 [[nodiscard]] std::string model_mark(const ModelOptions& options);
 /// Reads a code file. Throws FileError, too, if it is marked with another model.
 [[nodiscard]] CodeFile read_own_codes(const std::filesystem::path& file,
                                       const ModelOptions& options);
+
+/// Throws UsageError if to write `out` would replace one of these files, which the tool reads.
+void require_not_read(const std::filesystem::path& out,
+                      const std::vector<std::filesystem::path>& inputs);
 
 /// Declares --morphable, a head model `purpose` ("whose topology the mesh has"; may be empty).
 void declare_head(Command& command, std::filesystem::path& file, const std::string& purpose,

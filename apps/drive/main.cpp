@@ -295,11 +295,7 @@ stymo::AppResult drive(const Options& options) {
         stymo::require_extension(options.sheet, {".png", ".jpg"});
         stymo::require_folder_of(options.sheet);
     }
-    for (const fs::path& film : {options.video, options.truth}) {
-        if (fs::exists(film) && fs::exists(options.out) && fs::equivalent(film, options.out))
-            stymo::fail<stymo::UsageError>("--out ", options.out.string(),
-                                           " would replace a film that is read");
-    }
+    stymo::require_not_read(options.out, {options.video, options.truth});
     if (!options.truth.empty()) static_cast<void>(stymo::FilmReader(options.truth));
     stymo::CodeFile face = stymo::read_own_codes(options.codes, options.model);
     const stymo::Model model = stymo::load_model({options.model.file, {}});

@@ -154,6 +154,7 @@ AppResult color(ColorOptions options) {
     const Eigen::Vector3d target = color_of(options.color);
     const ParsingClassSet parts = parts_of(options.part);
     options.edit.term = options.term == "pixels" ? ColorTerm::pixels : ColorTerm::mean;
+    require_not_read(options.out / "codes.json", {options.codes});
     const Model model = load_model(options.model, ModelParts::decoder);
     options.edit.samples_per_ray =
         options.samples.value_or(model.config().reconstruction.fit_samples_per_ray);

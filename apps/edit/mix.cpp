@@ -48,9 +48,9 @@ std::vector<std::string> names_of(const CodeGroups& groups) {
     return names;
 }
 
-std::vector<CodeFile> faces_of(const std::vector<std::string>& files, const ModelOptions& model) {
+std::vector<CodeFile> faces_of(const std::vector<std::string>& files, const std::string& mark) {
     std::vector<CodeFile> faces;
-    for (const std::string& file : files) faces.push_back(read_own_codes(file, model));
+    for (const std::string& file : files) faces.push_back(read_code_file(file, mark));
     return faces;
 }
 
@@ -124,12 +124,15 @@ AppResult mix(MixOptions options, std::uint64_t seed) {
         fail<UsageError>("--take is required: id, expr, tex, light, or several joined with commas");
     if (options.take.empty()) options.take = "expr,tex,light";
     static_cast<void>(parse_code_groups(options.take));
+    for (const std::vector<std::string>& files : {options.sources, options.targets})
+        require_not_read(options.out / "codes.json", {files.begin(), files.end()});
     const Model model = load_model(options.model, ModelParts::decoder);
     const ViewOptions view{.samples_per_ray = options.samples.value_or(
                                model.config().reconstruction.fit_samples_per_ray)};
-    std::vector<CodeFile> sources = faces_of(options.sources, options.model);
+    const std::string mark = model_mark(options.model);
+    std::vector<CodeFile> sources = faces_of(options.sources, mark);
     add_sampled(model, options, sources, seed);
-    const std::vector<CodeFile> targets = faces_of(options.targets, options.model);
+    const std::vector<CodeFile> targets = faces_of(options.targets, mark);
     require_writable_folder(options.out);
     return sheet ? mix_sheet(model, options, sources, targets, view)
                  : mix_two(model, options, sources.front(), targets.front(), view);

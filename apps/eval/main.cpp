@@ -131,7 +131,8 @@ public:
         if (!options.identity.empty()) evaluated.identity = &identity_.emplace(options.identity);
         if (options.shape) evaluated.shape = &shape_.emplace(options.landmarks, *job_.head());
         if (!options.out.empty())
-            evaluated.folder = &folder_.emplace(options.out, settings_, ranks);
+            evaluated.folder =
+                &folder_.emplace(options.out, settings_, stymo::model_mark(options.model), ranks);
         stymo::require_comparable(faces_, evaluated);
     }
 

@@ -279,7 +279,8 @@ std::filesystem::path ScoreFolder::tuned_of(const std::string& id) const {
 void ScoreFolder::add(const FaceScore& score, const FitResult& fit) {
     if (score.regions.front().fitted) {
         require_writable_folder(codes_of(score.id).parent_path());
-        write_code_file(codes_of(score.id), fit.fitted, 0, pose_from_camera(fit.cameras.front()));
+        write_code_file(codes_of(score.id), fit.fitted, 0, pose_from_camera(fit.cameras.front()),
+                        mark_);
     }
     // Written after the codes, so that the codes of every line exist.
     results_.append(to_json(score));

@@ -118,9 +118,11 @@ struct SummaryRow {
 /// tuning in tuned/ID.safetensors.
 class ScoreFolder {
 public:
-    /// Continues the folder, or will begin one. Throws what ResultFolder throws.
-    ScoreFolder(const std::filesystem::path& path, const Settings& settings, Ranks& ranks)
-        : results_(path, settings, "scores", "id", ranks) {}
+    /// Continues the folder, or will begin one, whose codes get this mark of their model. Throws
+    /// what ResultFolder throws.
+    ScoreFolder(const std::filesystem::path& path, const Settings& settings, std::string mark,
+                Ranks& ranks)
+        : results_(path, settings, "scores", "id", ranks), mark_(std::move(mark)) {}
 
     [[nodiscard]] ResultFolder& results() { return results_; }
     /// The score of a face that has one. Throws FileError for a line that is none.
@@ -138,6 +140,7 @@ public:
 
 private:
     ResultFolder results_;
+    std::string mark_;
 };
 
 }  // namespace stymo

@@ -204,6 +204,7 @@ Answer Api::new_face(Session& session, const Request& request) {
             break;
         case FaceQuery::Source::file:
             face.face = parse_code_file(query.codes, "the file");
+            require_mark(face.face, shared_.mark(), "the file");
             if (face.name.empty()) face.name = "opened";
             break;
         case FaceQuery::Source::mixed: {
@@ -276,8 +277,8 @@ Answer Api::make_mesh(Session& session, const Request& request) {
 
 Answer Api::codes_file(Session& session, const Request& request) {
     const ListedFace face = shown_face(session, request);
-    return download(code_file_text(face.face.codes, 0, face.face.pose), "application/json",
-                    "codes.json");
+    return download(code_file_text(face.face.codes, 0, face.face.pose, shared_.mark()),
+                    "application/json", "codes.json");
 }
 
 Answer Api::tuned_file(Session& session, const Request& request) {

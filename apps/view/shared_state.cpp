@@ -19,13 +19,14 @@ constexpr double usual_truncation = 0.7;
 
 SharedState::SharedState(const ViewerOptions& options) : options_(options) {
     model_ = std::make_shared<const Model>(load_model(options.model));
+    mark_ = model_mark(options.model);
     // Reports unreadable files at the start instead of at the first use by the page.
     if (!options.parser.empty()) static_cast<void>(FaceParser(options.parser));
     if (model_->code_statistics())
         directions_ = leading_directions(*model_->code_statistics(), directions_of_group);
     for (const std::string& file : options.codes)
         first_faces_.emplace_back(std::filesystem::path(file).stem().string(),
-                                  read_own_codes(file, options.model));
+                                  read_code_file(file, mark_));
     if (first_faces_.empty() && model_->code_statistics()) {
         for (std::uint64_t seed = 1; seed <= drawn_faces; ++seed)
             first_faces_.emplace_back("drawn " + std::to_string(seed),

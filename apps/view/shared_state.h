@@ -43,6 +43,8 @@ public:
 
     [[nodiscard]] const ViewerOptions& options() const { return options_; }
     [[nodiscard]] const std::shared_ptr<const Model>& model() const { return model_; }
+    /// With it the codes of the model are marked.
+    [[nodiscard]] const std::string& mark() const { return mark_; }
     [[nodiscard]] const std::vector<std::pair<std::string, CodeFile>>& first_faces() const {
         return first_faces_;
     }
@@ -72,6 +74,7 @@ public:
 private:
     ViewerOptions options_;
     std::shared_ptr<const Model> model_;
+    std::string mark_;
     std::vector<std::pair<std::string, CodeFile>> first_faces_;
     std::array<GroupDirections, code_names.size()> directions_;
     std::mutex made_when_needed_;

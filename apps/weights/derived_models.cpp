@@ -148,6 +148,7 @@ void widen_model(const std::filesystem::path& in, const std::filesystem::path& o
     }
     config.encoder = without_weight_files(config.encoder);
     file.metadata["config"] = to_json(config);
+    file.metadata[mark_key] = model_mark(in);
     write_tensor_file(out, file);
 }
 

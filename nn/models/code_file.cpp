@@ -103,10 +103,14 @@ std::string model_mark(const std::filesystem::path& model) {
     return text.str();
 }
 
+void require_mark(const CodeFile& codes, const std::string& mark, const std::string& source) {
+    if (!codes.model.empty() && codes.model != mark)
+        fail<FileError>(source, ": holds codes of another model; name that one");
+}
+
 CodeFile read_code_file(const std::filesystem::path& path, const std::string& mark) {
     CodeFile codes = read_code_file(path);
-    if (!codes.model.empty() && codes.model != mark)
-        fail<FileError>(path.string(), ": holds codes of another model; name that one");
+    require_mark(codes, mark, path.string());
     return codes;
 }
 

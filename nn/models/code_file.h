@@ -22,11 +22,13 @@ struct CodeFile {
 [[nodiscard]] CodeFile read_code_file(const std::filesystem::path& path);
 /// The same for the text of such a file. Error messages name `source` as the file.
 [[nodiscard]] CodeFile parse_code_file(const std::string& text, const std::string& source);
-/// The metadata of a published model in which the mark of the model before stands.
+/// The metadata of a published or widened model in which the mark of the model before stands.
 inline constexpr const char* mark_key = "codes_of";
 /// The mark of the model in this file, which its codes carry: that of the model that it was
-/// published from, otherwise a checksum of the file. Throws FileError.
+/// made from, if it renders the same, otherwise a checksum of the file. Throws FileError.
 [[nodiscard]] std::string model_mark(const std::filesystem::path& model);
+/// Throws FileError, which names `source`, for codes with another mark than this.
+void require_mark(const CodeFile& codes, const std::string& mark, const std::string& source);
 /// Reads codes of the model with this mark. Throws FileError, too, for codes with another mark.
 [[nodiscard]] CodeFile read_code_file(const std::filesystem::path& path, const std::string& mark);
 /// Reads only the pose, from a code file or from any JSON object with such a "pose". Throws

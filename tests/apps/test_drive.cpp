@@ -247,7 +247,7 @@ TEST_CASE("Films that cannot be used are refused with one line, and nothing is w
     refused(drive + "tiny.json --video film.mp4", "tiny.json: not a code file");
     refused("stymo-drive --codes fit/codes.json --video film.mp4 --out none.avi", "must end in");
     refused("stymo-drive --codes fit/codes.json --video film.mp4 --out film.mp4",
-            "film.mp4 would replace a film that is read");
+            "film.mp4, which is read, would be replaced");
     CHECK(read_file(tiny_run() / "film.mp4") == film);
     refused(drive + "fit/codes.json --video film.mp4 --truth missing.mp4", "no such file");
     refused(drive + "fit/codes.json --video film.mp4 --sheet a.gif", "must end in");

@@ -160,6 +160,10 @@ TEST_CASE("What stymo-edit cannot do is said in one line, and nothing is written
                   "--learning-rate");
     check_refused(color + "--part hat --color #a03020 --out out", 1, "no hat");
     check_refused(color + "--part hair --color #a03020 --out file", 1, "file");
+    check_refused(color + "--part hair --color #a03020 --out fit", 2,
+                  "fit/codes.json, which is read, would be replaced");
+    check_refused(faces.substr(0, faces.find("--out")) + "--take id --out fit", 2,
+                  "fit/codes.json, which is read, would be replaced");
     check_refused(
         "stymo-edit color --model run/model.safetensors --codes fit/codes.json --part hair --color "
         "#a03020 --parser "

@@ -348,7 +348,7 @@ TEST_CASE("A tuned face is scored as its files show it") {
     const ScratchFolder scratch;
     TinyEvaluation tiny;
     OneRank alone;
-    ScoreFolder folder(scratch.path() / "out", {}, alone);
+    ScoreFolder folder(scratch.path() / "out", {}, "5", alone);
     tiny.options.folder = &folder;
     tiny.options.range = {0, 0};
     tiny.fitting.tuning.steps = 3;
@@ -380,7 +380,7 @@ TEST_CASE("An evaluation goes on where it was stopped, without the line that was
     OneRank alone;
     TinyEvaluation tiny;
     {
-        ScoreFolder folder(scratch.path() / "out", settings, alone);
+        ScoreFolder folder(scratch.path() / "out", settings, "5", alone);
         tiny.options.folder = &folder;
         tiny.options.range = {0, 1};
         static_cast<void>(tiny.run());
@@ -388,7 +388,7 @@ TEST_CASE("An evaluation goes on where it was stopped, without the line that was
     const fs::path file = scratch.path() / "out/scores.jsonl";
     const std::string two_lines = read_file(file);
     std::ofstream(file, std::ios::app) << R"({"id":"00002","head":{"ini)";
-    ScoreFolder folder(scratch.path() / "out", settings, alone);
+    ScoreFolder folder(scratch.path() / "out", settings, "5", alone);
     CHECK(folder.score("00001").id == "00001");
     CHECK_FALSE(folder.results().contains("00002"));
     CHECK(read_file(file) == two_lines);
@@ -396,7 +396,7 @@ TEST_CASE("An evaluation goes on where it was stopped, without the line that was
     tiny.options.range = {0, 2};
     const Evaluation continued = tiny.run();
     CHECK(read_file(file) == two_lines + to_json(continued.scores[2]).text() + "\n");
-    CHECK(fs::exists(folder.codes_of("00002")));
+    CHECK(read_code_file(folder.codes_of("00002")).model == "5");
     tiny.options.folder = nullptr;
     CHECK(lines_of(continued.scores) == lines_of(tiny.run().scores));
 }
@@ -405,7 +405,7 @@ TEST_CASE("A folder of scores that was begun otherwise is refused by the setting
     const ScratchFolder scratch;
     OneRank alone;
     const auto open = [&](std::int64_t steps) {
-        ScoreFolder(scratch.path() / "out", {{"--fit", true}, {"--steps", steps}}, alone)
+        ScoreFolder(scratch.path() / "out", {{"--fit", true}, {"--steps", steps}}, "5", alone)
             .results()
             .begin();
     };
@@ -417,7 +417,7 @@ TEST_CASE("A folder of scores that was begun otherwise is refused by the setting
     CHECK_THAT(error_message([&] { open(100); }), Catch::Contains("scores.jsonl, line 1: "));
     fs::create_directory(scratch.path() / "other");
     write_file(scratch.path() / "other/scores.jsonl", "");
-    CHECK_THAT(error_message([&] { ScoreFolder(scratch.path() / "other", {}, alone); }),
+    CHECK_THAT(error_message([&] { ScoreFolder(scratch.path() / "other", {}, "5", alone); }),
                Catch::Contains("settings.json"));
 }
 

@@ -114,6 +114,12 @@ TEST_CASE("new faces are drawn, opened, shared, mixed and kept", "[view]") {
     CHECK(codes_of(client.json("face", {{"codes", codes_of(drawn)}})) == codes_of(drawn));
     const view::Answer file = client.ask("codes", {{"face", other}});
     CHECK(codes_of(client.json("face", {{"file", file.body}})) == codes_of(drawn));
+    json other_model = json::parse(file.body);
+    REQUIRE(other_model.contains("model"));
+    other_model["model"] = "0";
+    const view::Answer refused = client.send("face", json({{"file", other_model.dump()}}).dump());
+    CHECK(refused.status == 400);
+    CHECK_THAT(refused.body, Catch::Contains("the file: holds codes of another model"));
 
     const json mixed =
         client.json("face", {{"face", first}, {"source", other}, {"groups", {"tex"}}});

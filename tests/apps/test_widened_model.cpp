@@ -9,6 +9,7 @@
 #include "core/ops/reduce.h"
 #include "core/ops/resample.h"
 #include "nn/layers/render_block.h"
+#include "nn/models/code_file.h"
 #include "nn/realtime/view.h"
 #include "support/check_close.h"
 #include "support/error_message.h"
@@ -58,6 +59,7 @@ TEST_CASE("a widened model makes the same codes and images", "[model]") {
     widen_model(folder / "narrow.safetensors", folder / "wide.safetensors", wider);
     const Model wide = Model::load(folder / "wide.safetensors");
     CHECK(wide.config().decoder.field_width == 12);
+    CHECK(model_mark(folder / "wide.safetensors") == model_mark(folder / "narrow.safetensors"));
     CHECK(wide.config().decoder.block_channels == std::vector<std::int64_t>{9, 7});
 
     const Codes codes = random_codes(1, 5);

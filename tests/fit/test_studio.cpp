@@ -99,6 +99,9 @@ TEST_CASE("A studio says in one line what it cannot do", "[studio]") {
     write(face, file);
     CHECK(fails_with([&] { return studio.read(file); }) ==
           file.string() + ": holds codes of another model; name that one");
+    CHECK(fails_with([&] { return studio.render(face); }) == "this face is one of another model");
+    CHECK(fails_with([&] { return mix(face, studio.sample(1), "id"); }) ==
+          "the two faces are of two models");
 }
 
 TEST_CASE("A face that a studio fits and tunes looks the same after it was written and read",
