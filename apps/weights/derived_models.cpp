@@ -63,14 +63,16 @@ void require_wider(const ModelConfig& narrow, const ModelConfig& wide) {
             "reconstruction.resolution_weights, and adds encoder.identity_backbone and "
             ".expression_backbone, only");
     const auto times = static_cast<std::uint64_t>(to.resolution / from.resolution);
-    const auto added = static_cast<std::size_t>(std::bit_width(times) - 1);
+    const std::size_t needed =
+        resolution_ladder(from).count() + static_cast<std::size_t>(std::bit_width(times)) - 1;
     const std::size_t blocks = from.block_channels.size();
-    if (to.block_channels.size() != blocks + added ||
-        wide.reconstruction.resolution_weights.size() !=
-            narrow.reconstruction.resolution_weights.size() + added)
+    const std::vector<double>&weights = narrow.reconstruction.resolution_weights,
+          &wide_weights = wide.reconstruction.resolution_weights;
+    if (to.block_channels.size() != std::max(blocks, needed) ||
+        wide_weights.size() != std::max(weights.size(), needed))
         fail<ConfigError>(
-            "widening needs one entry more of decoder.block_channels and "
-            "reconstruction.resolution_weights each time it doubles decoder.resolution");
+            "widening needs ", std::max(blocks, needed), " numbers in decoder.block_channels and ",
+            std::max(weights.size(), needed), " in reconstruction.resolution_weights");
     if (to.field_width < from.field_width || to.feature_channels < from.feature_channels ||
         to.mask_channels < from.mask_channels ||
         !std::ranges::equal(from.block_channels, std::span(to.block_channels).first(blocks),

@@ -122,6 +122,22 @@ TEST_CASE("an expression backbone is added to a model that has one of identity",
     CHECK(values_of(both).at("encoder.heads.expr.wide.weight").shape()[1] == 192);
 }
 
+TEST_CASE("a number of channels that no block had is that of the new block", "[model]") {
+    const ScratchFolder folder;
+    ModelConfig config = deep_model(3).config();
+    config.decoder.block_channels = {6, 4, 3};
+    config.reconstruction.resolution_weights = {1.0, 1.0, 1.0};
+    Rng rng(3);
+    Model(config, rng).save(folder / "small.safetensors");
+    widen_model(folder / "small.safetensors", folder / "large.safetensors",
+                std::vector<std::string>{"decoder.resolution=64"});
+    const Model large = Model::load(folder / "large.safetensors");
+    CHECK(large.config().decoder.block_channels == std::vector<std::int64_t>{6, 4, 3});
+    const View view = render_view(large, random_codes(1, 5), 0, model_camera(large, 0.3, 0.1, 0.0),
+                                  {.samples_per_ray = 6});
+    CHECK(view.image.shape() == Shape{64, 64, 3});
+}
+
 TEST_CASE("a model with a block more enlarges the images of before and can learn", "[model]") {
     const ScratchFolder folder;
     const Model small = deep_model(3);
