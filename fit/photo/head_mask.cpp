@@ -6,6 +6,7 @@
 #include <span>
 
 #include "core/error.h"
+#include "fit/photo/mask_band.h"
 #include "fit/photo/mask_edge.h"
 
 namespace stymo {
@@ -62,11 +63,8 @@ Tensor soft_head_mask(const Tensor& probability) {
     const cv::Mat found = largest_component(set);
     cv::Mat whole = found.clone();
     fill_small_holes(whole);
-    const int edge = 2 * (std::max(height, width) / 64) + 1;
-    const cv::Mat disk = cv::getStructuringElement(cv::MORPH_ELLIPSE, {edge, edge});
-    cv::Mat near, inside;
-    cv::dilate(found, near, disk);
-    cv::erode(whole, inside, disk);
+    const double band = edge_band(set.size());
+    const cv::Mat inside = farther_than(band, whole), outside = farther_than(band, found == 0);
     Tensor mask = probability;
     auto value = mask.mutable_values<float>().begin();
     for (int row = 0; row < height; ++row)
@@ -75,7 +73,7 @@ Tensor soft_head_mask(const Tensor& probability) {
                                  found.at<unsigned char>(row, column) == 0;
             if (is_hole || inside.at<unsigned char>(row, column) != 0)
                 *value = 1.0F;
-            else if (near.at<unsigned char>(row, column) == 0)
+            else if (outside.at<unsigned char>(row, column) != 0)
                 *value = 0.0F;
         }
     return mask;

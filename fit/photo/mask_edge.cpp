@@ -5,19 +5,12 @@
 #include <opencv2/imgproc.hpp>
 
 #include "core/error.h"
+#include "fit/photo/mask_band.h"
 
 namespace stymo {
 namespace {
 
-constexpr double band_of_side = 1.0 / 64.0;
 constexpr double radius_of_side = 0.03;  ///< of the squares in which colors are averaged
-
-/// 255 where the nearest pixel that is not set is farther away than that, else 0.
-cv::Mat farther_than(double distance, const cv::Mat& set) {
-    cv::Mat distances;
-    cv::distanceTransform(set, distances, cv::DIST_L2, cv::DIST_MASK_PRECISE);
-    return distances > distance;
-}
 
 /// The mean color of the selected pixels in a square around each pixel; `share` is how much of that
 /// square they fill.
@@ -72,7 +65,7 @@ Tensor edge_by_color(const Tensor& mask, const Tensor& image) {
     cv::Mat values(height, width, CV_32F, result.mutable_values<float>().data());
     const cv::Mat pixels(height, width, CV_32FC3, colors.mutable_values<float>().data());
 
-    const double band = std::max(1.0, side * band_of_side);
+    const double band = edge_band(values.size());
     const cv::Mat inside = values > 0.5;
     const cv::Mat head = farther_than(band, inside), around = farther_than(band, inside == 0);
 
