@@ -63,7 +63,7 @@ Tensor soft_head_mask(const Tensor& probability) {
     const cv::Mat found = largest_component(set);
     cv::Mat whole = found.clone();
     fill_small_holes(whole);
-    const double band = edge_band(set.size());
+    const double band = edge_band(height, width);
     const cv::Mat inside = farther_than(band, whole), outside = farther_than(band, found == 0);
     Tensor mask = probability;
     auto value = mask.mutable_values<float>().begin();

@@ -5,8 +5,8 @@
 
 namespace stymo {
 
-double edge_band(const cv::Size& size) {
-    return std::max(1.0, std::max(size.height, size.width) / 64.0);
+double edge_band(int height, int width) {
+    return std::max(1.0, std::max(height, width) / 64.0);
 }
 
 cv::Mat farther_than(double distance, const cv::Mat& set) {

@@ -65,7 +65,7 @@ Tensor edge_by_color(const Tensor& mask, const Tensor& image) {
     cv::Mat values(height, width, CV_32F, result.mutable_values<float>().data());
     const cv::Mat pixels(height, width, CV_32FC3, colors.mutable_values<float>().data());
 
-    const double band = edge_band(values.size());
+    const double band = edge_band(height, width);
     const cv::Mat inside = values > 0.5;
     const cv::Mat head = farther_than(band, inside), around = farther_than(band, inside == 0);
 
