@@ -139,8 +139,7 @@ AppResult write_report(const ReportOptions& options) {
 void declare(Command& command, BenchOptions& options) {
     command.option("--model", options.model,
                    "model.safetensors of a training run, or the name of a model that comes with "
-                   "stymo; without "
-                   "one paper-512 with random weights");
+                   "stymo; without one paper-512 with random weights");
     command.option(
         "--data", options.data,
         "folder of photos in FFHQ format whose codes are shown; without one random ones");
