@@ -100,6 +100,8 @@ TEST_CASE("A studio says in one line what it cannot do", "[studio]") {
     CHECK(fails_with([&] { return studio.read(file); }) ==
           file.string() + ": holds codes of another model; name that one");
     CHECK(fails_with([&] { return studio.render(face); }) == "this face is one of another model");
+    CHECK(fails_with([&] { return studio.mesh(face, 256); }) ==
+          "this face is one of another model");
     CHECK(fails_with([&] { return mix(face, studio.sample(1), "id"); }) ==
           "the two faces are of two models");
 }
