@@ -96,7 +96,7 @@ void declare_fit(Command& command, FitToolOptions& options) {
 
 namespace {
 
-double rate_of(const VideoSummary& summary) {
+double rate_of(const FilmSummary& summary) {
     return static_cast<double>(summary.frames) / std::max(summary.seconds, 1e-9);
 }
 
@@ -105,7 +105,7 @@ double rate_of(const VideoSummary& summary) {
 void declare_video(Command& command, VideoFitOptions& options) {
     command
         .option("--frame-steps", options.steps,
-                "with --video: optimiser steps of each window of frames; 0: what the encoder sees")
+                "with --video: optimiser steps of each window of frames; 0: what landmarks show")
         .range(0, 10000);
     command
         .option("--key-steps", options.key_steps,
@@ -120,6 +120,9 @@ void declare_video(Command& command, VideoFitOptions& options) {
         .option("--video-side", options.side,
                 "with --video: side of the images that are compared, one that the model renders")
         .range(64, 512);
+}
+
+void declare_film(Command& command, FilmOptions& options) {
     command
         .option("--first-frame", options.first_frame,
                 "with --video: number of the first frame that counts, from 0")
@@ -152,22 +155,19 @@ std::function<void(const char*, std::int64_t, std::int64_t)> video_progress() {
     };
 }
 
-std::string text_of(const VideoSummary& summary) {
+std::string text_of(const FilmSummary& summary) {
     return text_from(summary.frames, " frames, ", summary.found, " with the face, in ",
                      summary.starts, summary.starts == 1 ? " shot, " : " shots, ", summary.cuts,
-                     summary.cuts == 1 ? " cut" : " cuts", "; photometric loss ",
-                     decimal(summary.loss, 4), "; person ", decimal(summary.person_seconds, 1),
-                     " s, ", decimal(rate_of(summary), 2), " frames a second");
+                     summary.cuts == 1 ? " cut; " : " cuts; ", decimal(rate_of(summary), 2),
+                     " frames a second");
 }
 
-JsonValue to_json(const VideoSummary& summary) {
+JsonValue to_json(const FilmSummary& summary) {
     return JsonValue::object({{"frames", summary.frames},
                               {"found", summary.found},
                               {"held", summary.frames - summary.found},
                               {"shots", summary.starts},
                               {"cuts", summary.cuts},
-                              {"photometric", summary.loss},
-                              {"person_seconds", summary.person_seconds},
                               {"seconds", summary.seconds},
                               {"fitted_frames_a_second", rate_of(summary)}});
 }

@@ -24,12 +24,14 @@ struct FitToolOptions {
 /// Declares --steps, --optimizer and all other options of fits and tuning.
 void declare_fit(Command& command, FitToolOptions& options);
 
+/// Declares which frames of a film count.
+void declare_film(Command& command, FilmOptions& options);
 /// Declares the options of fits to films.
 void declare_video(Command& command, VideoFitOptions& options);
-/// Shows the phases of a fit, for VideoFitOptions::on_progress.
+/// Shows the phases, for FilmOptions::on_progress.
 [[nodiscard]] std::function<void(const char*, std::int64_t, std::int64_t)> video_progress();
-/// A few lines for people.
-[[nodiscard]] std::string text_of(const VideoSummary& summary);
-[[nodiscard]] JsonValue to_json(const VideoSummary& summary);
+/// A line for people.
+[[nodiscard]] std::string text_of(const FilmSummary& summary);
+[[nodiscard]] JsonValue to_json(const FilmSummary& summary);
 
 }  // namespace stymo

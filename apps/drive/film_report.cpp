@@ -79,7 +79,7 @@ std::vector<Tensor> frames_of(const std::filesystem::path& film,
 }  // namespace
 
 Tensor contact_sheet(const std::filesystem::path& film, const std::filesystem::path& driven,
-                     std::int64_t frames, const VideoFitOptions& options) {
+                     std::int64_t frames, const FilmOptions& options) {
     std::vector<std::int64_t> below, above;
     for (std::int64_t i = 0; i < std::min(columns, frames); ++i) {
         below.push_back((2 * i + 1) * frames / (2 * std::min(columns, frames)));

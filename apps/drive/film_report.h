@@ -41,6 +41,6 @@ struct LandmarkError {
 /// that `options` name.
 [[nodiscard]] Tensor contact_sheet(const std::filesystem::path& film,
                                    const std::filesystem::path& driven, std::int64_t frames,
-                                   const VideoFitOptions& options);
+                                   const FilmOptions& options);
 
 }  // namespace stymo

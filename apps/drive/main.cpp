@@ -22,7 +22,8 @@
 #include "core/ops/ops.h"
 #include "core/progress.h"
 #include "fit/expression_prior.h"
-#include "fit/video/video_fit.h"
+#include "fit/photo/prepared_photos.h"
+#include "fit/video/film_follower.h"
 #include "nn/models/code_file.h"
 #include "nn/models/identity_network.h"
 #include "nn/realtime/chosen_tolerance.h"
@@ -40,8 +41,8 @@ struct Options {
     bool absolute = false;
     bool measure = false;
     double psnr = 45.0;
-    stymo::FitJobOptions job;
-    stymo::VideoFitOptions fit;
+    stymo::PhotoPreparationSettings preparation;
+    stymo::FilmOptions film;
 };
 
 /// What is measured of the rendered frames.
@@ -74,16 +75,13 @@ stymo::ChosenRenderer film_renderer(const Options& options, const stymo::Model& 
 /// Renders the face with the expression and the pose of each frame of a film.
 class Driven {
 public:
-    /// `rest`: the expression with which the face keeps its own. `plausible`: plausible_changes.
     /// `detector` may be null without --measure.
     Driven(const Options& options, const stymo::Model& model, stymo::CodeFile face,
-           stymo::Variable rest, stymo::Tensor plausible, const stymo::FaceDetector* detector)
+           const stymo::FaceDetector* detector)
         : options_(options),
           model_(model),
           detector_(detector),
           face_(std::move(face)),
-          rest_(std::move(rest)),
-          plausible_(std::move(plausible)),
           chosen_(film_renderer(options, model, face_.codes)) {
         std::cerr << "the face at rest: " << error_words(chosen_) << std::endl;
         if (options.identity.empty()) return;
@@ -91,13 +89,12 @@ public:
         embedding_ = embedding_of(rendered(face_.codes, 0.0, 0.0, 0.0));
     }
 
-    [[nodiscard]] stymo::Tensor frame(const stymo::FittedFrame& seen) {
+    [[nodiscard]] stymo::Tensor frame(const stymo::FilmFrame& seen) {
         if (seen.found || !last_.defined()) {
             stymo::Codes codes = face_.codes;
             stymo::Variable& expression = codes.groups[1];
-            stymo::Variable change = seen.codes.expression() - rest_;
-            if (plausible_.defined()) change = matmul(change, plausible_);
-            expression = options_.absolute ? seen.codes.expression() : expression + change;
+            const stymo::Variable change(seen.change);
+            expression = options_.absolute ? change : expression + change;
             last_ = rendered(codes, seen.pose.yaw, seen.pose.pitch, seen.roll);
             if (seen.found) measure(seen);
         } else {
@@ -118,7 +115,7 @@ private:
         const stymo::Variable row(image.reshaped({1, image.shape(0), image.shape(1), 3}));
         return identity_->embeddings(row * 2.0 - 1.0).value().to_vector();
     }
-    void measure(const stymo::FittedFrame& seen) {
+    void measure(const stymo::FilmFrame& seen) {
         if (options_.measure) {
             if (seen.starts) {
                 measures_.film.add({});
@@ -142,8 +139,6 @@ private:
     const stymo::Model& model_;
     const stymo::FaceDetector* detector_;
     stymo::CodeFile face_;
-    stymo::Variable rest_;
-    stymo::Tensor plausible_;
     stymo::ChosenRenderer chosen_;
     std::optional<stymo::IdentityNetwork> identity_;
     std::vector<double> embedding_;
@@ -151,7 +146,7 @@ private:
     Measures measures_;
 };
 
-using FrameSink = std::function<void(const stymo::FittedFrame&)>;
+using FrameSink = std::function<void(const stymo::FilmFrame&)>;
 
 /// Writes the film of the frames that `run` hands over. Returns the seconds of rendering.
 double write_film(const Options& options, Driven& driven, double rate,
@@ -161,7 +156,7 @@ double write_film(const Options& options, Driven& driven, double rate,
         options.out,
         [&](const fs::path& temporary) {
             std::optional<stymo::FilmWriter> writer;
-            run([&](const stymo::FittedFrame& frame) {
+            run([&](const stymo::FilmFrame& frame) {
                 const double start = stymo::seconds_now();
                 const stymo::Tensor image = driven.frame(frame);
                 if (!writer)
@@ -178,7 +173,7 @@ double write_film(const Options& options, Driven& driven, double rate,
 
 /// Puts the sound of --video under the new film. Returns what is to be said of it.
 std::string keep_sound(const Options& options) {
-    if (options.fit.first_frame > 0 || options.fit.most_frames > 0)
+    if (options.film.first_frame > 0 || options.film.most_frames > 0)
         return "left out, because this is a part of the film";
     try {
         switch (stymo::add_sound(options.video, options.out)) {
@@ -220,32 +215,37 @@ void add_measures(const Options& options, const Measures& measures,
     result.text += text.str();
 }
 
+/// A change of no expression.
+stymo::Tensor unmoved() {
+    return stymo::Tensor::zeros({1, stymo::code_sizes[1]});
+}
+
 stymo::AppResult drive_by_film(const Options& options, const stymo::Model& model,
                                const stymo::Model& shown, stymo::CodeFile face) {
-    stymo::ReconstructionConfig config = model.config().reconstruction;
-    config.perceptual_weight = 0.0;
-    const stymo::ReconstructionLoss loss(config);
-    const stymo::FitJob job(model, loss, options.job);
-    stymo::VideoFitOptions fit = options.fit;
-    fit.on_progress = stymo::video_progress();
-    const stymo::VideoFit video(job, options.video, fit);
-    Driven driven(options, shown, std::move(face), video.person().expression(),
-                  plausible_changes(model, job.preparation().head()),
-                  &job.preparation().detector());
-    stymo::VideoSummary summary;
-    const double rendering = write_film(options, driven, video.frames_per_second(),
-                                        [&](const FrameSink& sink) { summary = video.run(sink); });
-    const std::string sound = keep_sound(options);
+    const stymo::PhotoPreparation preparation(
+        stymo::settings_for(model.config(), options.preparation));
+    stymo::FilmOptions frames = options.film;
+    frames.on_progress = stymo::video_progress();
+    const stymo::FilmFollower follower(preparation, model, options.video, frames, false);
+    Driven driven(options, shown, std::move(face), &preparation.detector());
+    const stymo::FilmFrame first{.change = unmoved(),
+                                 .pose = stymo::frontal_pose(model.config().camera)};
+    stymo::FilmSummary summary;
+    const double rendering =
+        write_film(options, driven, follower.frames_per_second(),
+                   [&](const FrameSink& sink) { summary = follower.run(first, {}, sink); });
     summary.seconds -= rendering;
     const double rate = static_cast<double>(summary.frames) / rendering;
-    stymo::AppResult result{stymo::text_from(text_of(summary), " fitted, ", stymo::decimal(rate, 2),
-                                             " rendered; ", summary.frames - summary.found,
-                                             " frames without the face hold the last one"),
-                            to_json(summary)};
-    add_measures(options, driven.measures(), &job.preparation().detector(), result);
+    stymo::AppResult result{
+        stymo::text_from(text_of(summary), " followed, ", stymo::decimal(rate, 2), " rendered; ",
+                         summary.frames - summary.found,
+                         " frames without the face hold the last one"),
+        to_json(summary)};
+    add_measures(options, driven.measures(), &preparation.detector(), result);
     if (!options.sheet.empty())
         stymo::write_image(options.sheet, stymo::contact_sheet(options.video, options.out,
-                                                               summary.frames, options.fit));
+                                                               summary.frames, options.film));
+    const std::string sound = keep_sound(options);
     result.text += "\nsound: " + sound;
     result.json.add("rendering_seconds", rendering).add("sound", sound);
     return result;
@@ -254,20 +254,18 @@ stymo::AppResult drive_by_film(const Options& options, const stymo::Model& model
 stymo::AppResult drive_by_coefficients(const Options& options, const stymo::Model& model,
                                        const stymo::Model& shown, const stymo::CodeFile& face) {
     const std::vector<stymo::ArkitMoment> rows = stymo::read_coefficients(options.coefficients);
-    const fs::path& morphable = options.job.preparation.morphable;
+    const fs::path& morphable = options.preparation.morphable;
     const stymo::ArkitConversion conversion = stymo::arkit_conversion(morphable);
-    stymo::FittedFrame frame{.found = true, .codes = face.codes, .pose = {}};
-    stymo::Variable& expression = frame.codes.groups[1];
-    Driven driven(options, shown, face,
-                  stymo::Variable(stymo::Tensor::zeros(expression.shape(), expression.dtype())),
-                  plausible_changes(model, stymo::morphable_head_from(morphable)), nullptr);
+    const stymo::Tensor plausible = plausible_changes(model, stymo::morphable_head_from(morphable));
+    stymo::FilmFrame frame{.found = true, .change = unmoved()};
+    Driven driven(options, shown, face, nullptr);
     const double rendering = write_film(options, driven, options.rate, [&](const FrameSink& sink) {
         stymo::Progress progress({.title = "frames", .total = std::ssize(rows), .unit = "frames"});
         for (const stymo::ArkitMoment& row : rows) {
             if (stymo::interrupted()) return;
             const std::vector<float> code = conversion.code(row.coefficients);
-            expression = stymo::Variable(
-                stymo::Tensor::from({1, std::ssize(code)}, std::span<const float>(code)));
+            frame.change = stymo::Tensor::from({1, std::ssize(code)}, std::span<const float>(code));
+            if (plausible.defined()) frame.change = matmul(frame.change, plausible).value();
             frame.pose.yaw = row.view[0];
             frame.pose.pitch = row.view[1];
             frame.roll = row.view[2];
@@ -280,7 +278,7 @@ stymo::AppResult drive_by_coefficients(const Options& options, const stymo::Mode
         stymo::text_from(rows.size(), " frames, ", stymo::decimal(rate, 2), " rendered a second"),
         stymo::JsonValue::object({{"frames", std::ssize(rows)}, {"rendering_seconds", rendering}})};
     std::optional<stymo::FaceDetector> detector;
-    if (!options.truth.empty()) detector.emplace(options.job.preparation.landmark_model);
+    if (!options.truth.empty()) detector.emplace(options.preparation.landmark_model);
     add_measures(options, driven.measures(), detector ? &*detector : nullptr, result);
     return result;
 }
@@ -334,8 +332,8 @@ int stymo_drive(int argc, char** argv) {
                 "images of the same --matmul-precision; six of them are checked")
         .range(20, 90);
     line.flag("--absolute", options.absolute,
-              "give the face the expressions of the film themselves; by default it gets what "
-              "differs from their mean, or the coefficients' expressions in addition to its own");
+              "the expressions of the film or of the coefficients replace the face's own; by "
+              "default they are added to it");
     line.flag("--measure", options.measure,
               "also measure how much the landmarks tremble in both films; slower")
         .excludes("--coefficients");
@@ -348,7 +346,7 @@ int stymo_drive(int argc, char** argv) {
     line.option("--identity", options.identity,
                 "weights of MobileFaceNet, written by stymo-weights import: also measure whether "
                 "the face stays the same person");
-    stymo::declare_video(line, options.fit);
-    stymo::declare_preparation_files(line, options.job.preparation);
+    stymo::declare_film(line, options.film);
+    stymo::declare_preparation_files(line, options.preparation);
     return line.run(argc, argv, [&](const stymo::CommonOptions&) { return drive(options); });
 }

@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "apps/common/fit_options.h"
+#include "apps/common/table.h"
 #include "core/angle.h"
 #include "core/clock.h"
 #include "core/error.h"
@@ -204,16 +205,17 @@ AppResult FolderFit::result(double seconds, bool stopped) {
 }
 
 AppResult fit_video(const Fitting& fitting, const std::filesystem::path& film,
-                    const std::filesystem::path& out, VideoFitOptions options) {
+                    const std::filesystem::path& out, FilmOptions frames,
+                    const VideoFitOptions& options) {
     const InterruptGuard guard;
-    options.on_progress = video_progress();
-    const VideoFit video(fitting.job, film, options);
+    frames.on_progress = video_progress();
+    const VideoFit video(fitting.job, film, std::move(frames), options);
     require_writable_folder(out);
     VideoSummary summary;
     const std::filesystem::path file = out / "codes.jsonl";
     write_whole(file, [&](const std::filesystem::path& temporary) {
         std::ofstream stream(temporary, std::ios::binary);
-        summary = video.run([&](const FittedFrame& frame) {
+        summary = video.run([&](const FilmFrame& frame) {
             JsonValue line = code_file_json(frame.codes, 0, frame.pose, fitting.mark);
             line.add("frame", frame.index).add("face", frame.found).add("starts", frame.starts);
             stream << line.add("roll_deg", degrees_from_radians(frame.roll)).text() << '\n';
@@ -222,7 +224,11 @@ AppResult fit_video(const Fitting& fitting, const std::filesystem::path& film,
         stream.flush();
         if (!stream) fail<FileError>(file.string(), ": cannot be written; is the disk full?");
     });
-    AppResult result{text_of(summary), to_json(summary)};
+    AppResult result{
+        text_from(text_of(summary.film), "; photometric loss ", decimal(summary.loss, 4),
+                  "; person ", decimal(summary.person_seconds, 1), " s"),
+        to_json(summary.film)};
+    result.json.add("photometric", summary.loss).add("person_seconds", summary.person_seconds);
     result.json.add("frames_per_second", video.frames_per_second());
     write_file(out / "report.json", result.json.text() + "\n", Durability::none);
     return result;

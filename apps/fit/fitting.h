@@ -79,6 +79,7 @@ private:
 /// (of the head in the frame), and report.json. Throws what VideoFit throws, and Error, before
 /// codes.jsonl exists, if the process is interrupted.
 [[nodiscard]] AppResult fit_video(const Fitting& fitting, const std::filesystem::path& film,
-                                  const std::filesystem::path& out, VideoFitOptions options);
+                                  const std::filesystem::path& out, FilmOptions frames,
+                                  const VideoFitOptions& options);
 
 }  // namespace stymo

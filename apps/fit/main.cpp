@@ -27,7 +27,8 @@ struct Options {
     stymo::ModelOptions model;
     std::filesystem::path images;
     std::filesystem::path video;
-    stymo::VideoFitOptions frames;
+    stymo::FilmOptions frames;
+    stymo::VideoFitOptions video_fit;
     std::filesystem::path out;
     stymo::FaceSource face;
     stymo::LpipsOptions lpips;
@@ -234,7 +235,8 @@ stymo::AppResult fit(const Options& options, const stymo::CommandLine& line) {
         stymo::LpipsOptions lpips = options.lpips;
         lpips.perceptual_weight = lpips.perceptual_weight.value_or(0.0);
         const stymo::Fitting fitting(options.model, lpips, job_options(options));
-        return stymo::fit_video(fitting, options.video, options.out, options.frames);
+        return stymo::fit_video(fitting, options.video, options.out, options.frames,
+                                options.video_fit);
     }
     stymo::require_photo(options.face);
     const stymo::Fitting fitting(options.model, options.lpips, job_options(options));
@@ -301,7 +303,8 @@ int stymo_fit(int argc, char** argv) {
         .keeps_results();
     stymo::declare_preparation_files(line, options.fit.job.preparation);
     stymo::declare_fit(line, options.fit);
-    stymo::declare_video(line, options.frames);
+    stymo::declare_video(line, options.video_fit);
+    stymo::declare_film(line, options.frames);
     stymo::declare_perceptual_weight(line, options.lpips);
     stymo::declare_lpips_files(line, options.lpips);
     return line.run(argc, argv, [&](const stymo::CommonOptions&) { return fit(options, line); });

@@ -318,8 +318,6 @@ Answer Api::eyes(Session& session, const Request& request) {
 }
 
 Answer Api::own_expression(Session& session, const Request& request) {
-    if (!shared_.model()->has_encoder())
-        throw RequestError(400, "this model has no encoder, so no face can move another");
     const double start = seconds_now();
     const std::optional<LiveFace::Sight> sight = session.see_face(
         image_from_jpeg(request.body, most_camera_pixels), request.query.contains("anew"));

@@ -42,6 +42,10 @@ void check(const MorphableFitTarget& target) {
     for (const Eigen::Vector2d& point : target.landmarks) {
         if (!point.allFinite()) fail<ValueError>("[morphable fit] a landmark is not finite");
     }
+    const std::size_t known = target.identity.size();
+    if (known != 0 && known != MorphableHead::identity_size)
+        fail<ShapeError>("[morphable fit] an identity has ", MorphableHead::identity_size,
+                         " numbers; got ", known);
 }
 
 /// Whether each landmark lies on an unknown pixel.
@@ -83,14 +87,18 @@ void add_prior(NormalEquations& equations, const State& state) {
 }
 
 /// Minimises the prior, the landmark term and, if there is one, the pixel term over the unknowns
-/// [first, last).
+/// [first, last), but for those of a known identity.
 [[nodiscard]] State minimized(State state, std::size_t first, std::size_t last, int steps,
-                              const FittedHead& fitted, morphable::LandmarkTerm& landmarks,
+                              bool knows_identity, const FittedHead& fitted,
+                              morphable::LandmarkTerm& landmarks,
                               std::optional<morphable::PixelTerm>& pixels) {
     morphable::LeastSquaresProblem problem;
     problem.fixed.assign(morphable::state_size, true);
     std::fill(problem.fixed.begin() + static_cast<std::ptrdiff_t>(first),
               problem.fixed.begin() + static_cast<std::ptrdiff_t>(last), false);
+    if (knows_identity)
+        std::fill(problem.fixed.begin() + morphable::identity_begin,
+                  problem.fixed.begin() + morphable::expression_begin, true);
     problem.non_negative = fitted.non_negative;
     problem.linearized = [&](std::span<const double> x) {
         NormalEquations equations(morphable::state_size);
@@ -119,21 +127,23 @@ void add_prior(NormalEquations& equations, const State& state) {
     State state(morphable::state_size, 0.0);
     std::ranges::copy(morphable::affine_pose(fitted.contour, given, intrinsics), state.begin());
     std::ranges::copy(neutral_light(), state.begin() + morphable::light_begin);
+    std::ranges::copy(target.identity, state.begin() + morphable::identity_begin);
 
     const std::array<bool, 68> guessed = guessed_landmarks(target);
     morphable::LandmarkTerm landmarks(fitted.contour, given, intrinsics, options, guessed);
     std::optional<morphable::PixelTerm> pixels;
+    const auto minimize = [&](std::size_t first, std::size_t last, int steps) {
+        state = minimized(std::move(state), first, last, steps, !target.identity.empty(), fitted,
+                          landmarks, pixels);
+    };
     landmarks.use_jaw(false);
-    state = minimized(std::move(state), 0, morphable::pose_size, 5, fitted, landmarks, pixels);
+    minimize(0, morphable::pose_size, 5);
     landmarks.use_jaw(true);
-    state = minimized(std::move(state), 0, morphable::texture_begin, options.landmark_steps, fitted,
-                      landmarks, pixels);
+    minimize(0, morphable::texture_begin, options.landmark_steps);
     if (options.pixels) {
         pixels.emplace(*fitted.head, fitted.face, target, intrinsics, options);
-        state = minimized(std::move(state), morphable::texture_begin, morphable::state_size, 2,
-                          fitted, landmarks, pixels);
-        state = minimized(std::move(state), 0, morphable::state_size, options.pixel_steps, fitted,
-                          landmarks, pixels);
+        minimize(morphable::texture_begin, morphable::state_size, 2);
+        minimize(0, morphable::state_size, options.pixel_steps);
     }
     MorphableFit fit{morphable::pose_of(state),
                      morphable::code_of(state, morphable::identity_begin, 100),

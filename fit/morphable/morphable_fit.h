@@ -18,6 +18,8 @@ struct MorphableFitTarget {
     /// (S, S, 1), see nn/known_pixels.h; undefined: all pixels are known. A landmark on an unknown
     /// one is a guess and counts a twenty-fifth.
     Tensor known{};
+    /// The identity code (100) of the head, if it is known; empty: it is fitted.
+    std::vector<float> identity{};
 };
 
 struct MorphableFitOptions {
@@ -50,8 +52,8 @@ struct MorphableFit {
 /// Fits a linear head to each photo separately, on all threads: the pose in closed form, then pose
 /// and shape to the landmarks, then all unknowns to landmarks and colours, by Levenberg-Marquardt
 /// steps whose Jacobians come from core/autograd. The points of the jaw move on the head to its
-/// outline in the view. Throws ShapeError for images that are not square or have other shapes,
-/// ValueError for landmarks that are not finite or are collinear.
+/// outline in the view. Throws ShapeError for images that are not square or have other shapes or
+/// identities of another size, ValueError for landmarks that are not finite or are collinear.
 [[nodiscard]] std::vector<MorphableFit> fit_morphable(const MorphableHead& head,
                                                       std::span<const MorphableFitTarget> targets,
                                                       const Intrinsics& intrinsics,

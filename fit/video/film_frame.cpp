@@ -21,8 +21,11 @@ void prepare_frames(const PhotoPreparation& preparation, const ModelConfig& mode
         }
     });
     std::vector<FaceCrop> found;
-    for (std::optional<FaceCrop>& crop : crops)
-        if (crop) found.push_back(std::move(*crop));
+    for (std::size_t i = 0; i < crops.size(); ++i) {
+        if (!crops[i]) continue;
+        frames[i].target = crops[i]->fit_target;
+        found.push_back(std::move(*crops[i]));
+    }
     std::vector<PreparedFace> prepared = preparation.finish(std::move(found), {.pixels = false});
     auto next = prepared.begin();
     for (FrameInWork& frame : frames) {
@@ -39,6 +42,12 @@ void prepare_frames(const PhotoPreparation& preparation, const ModelConfig& mode
         frame.frame.roll = frame.face.pose.roll + square.angle();
         frame.frame.landmarks = frame.tracked->found;
     }
+}
+
+FaceBatch batch_of(const Model& model, std::span<const FrameInWork> frames, std::int64_t side) {
+    std::vector<Face> faces;
+    for (const FrameInWork& frame : frames) faces.push_back(frame.face);
+    return make_batch(faces, model.decoder().ladder().smallest(), side);
 }
 
 }  // namespace stymo

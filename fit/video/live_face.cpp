@@ -1,7 +1,6 @@
 #include "fit/video/live_face.h"
 
 #include "core/ops/ops.h"
-#include "fit/expression_prior.h"
 
 namespace stymo {
 
@@ -19,19 +18,18 @@ Tensor between(const Tensor& from, const Tensor& to, double part) {
 LiveFace::LiveFace(const PhotoPreparation& preparation, const Model& model)
     : preparation_(preparation),
       model_(model),
-      plausible_(plausible_changes(model, preparation.head())),
+      expression_(preparation, model),
       tracker_(preparation.detector(), usual_rate) {}
 
 std::optional<LiveFace::Sight> LiveFace::see(const Tensor& image) {
     FrameInWork work{.image = image, .tracked = tracker_.next(image)};
     if (!work.tracked) return std::nullopt;
     const bool starts = work.tracked->starts;
-    // The encoder sees the unmasked image.
     prepare_frames(preparation_, model_.config(), {&work, 1}, false);
     if (!work.tracked) return std::nullopt;
-    const FaceBatch batch = make_batch({&work.face, 1}, model_.decoder().ladder().smallest(),
-                                       model_.decoder().ladder().smallest());
-    const Tensor expression = model_.encoder().expression(Variable(batch.input)).value();
+    if (seen_ == 0) expression_.know({&work, 1});
+    expression_.see({&work, 1});
+    const Tensor& expression = work.frame.change;
     constexpr double newest = 0.6;
     smooth_ = starts || !smooth_.defined() ? expression : between(smooth_, expression, newest);
     constexpr std::int64_t frames_at_rest = 10;
@@ -45,8 +43,7 @@ std::optional<LiveFace::Sight> LiveFace::see(const Tensor& image) {
     } else if (seen_ <= frames_at_rest) {
         rest_ = between(rest_, expression, 1.0 / static_cast<double>(seen_));
     }
-    Variable change = Variable(smooth_) - Variable(rest_);
-    if (plausible_.defined()) change = matmul(change, plausible_);
+    const Variable change = Variable(smooth_) - Variable(rest_);
     return Sight{change.value(), pose.yaw - first_yaw_, pose.pitch - first_pitch_,
                  work.frame.roll - first_roll_};
 }

@@ -4,11 +4,13 @@
 #include <optional>
 
 #include "fit/video/film_frame.h"
+#include "fit/video/landmark_expression.h"
 
 namespace stymo {
 
 /// Somebody's face before a camera, for moving another face at once. The expression is the one that
-/// the encoder sees, without a fit. It counts from a face at rest, the mean of the first frames.
+/// the landmarks show (LandmarkExpression). It counts from a face at rest, the mean of the first
+/// frames.
 class LiveFace {
 public:
     struct Sight {
@@ -19,8 +21,7 @@ public:
         double yaw = 0.0, pitch = 0.0, roll = 0.0;
     };
 
-    /// `preparation` has the `settings_for` the model, which has an encoder. Both must outlive the
-    /// object.
+    /// `preparation` has the `settings_for` the model. Both must outlive the object.
     LiveFace(const PhotoPreparation& preparation, const Model& model);
 
     /// The face in the next image (height, width, 3) in [0, 1]; nothing if none is found.
@@ -29,7 +30,7 @@ public:
 private:
     const PhotoPreparation& preparation_;
     const Model& model_;
-    Tensor plausible_;
+    LandmarkExpression expression_;
     FaceTracker tracker_;
     Tensor rest_, smooth_;  ///< (1, 79)
     double first_yaw_ = 0.0, first_pitch_ = 0.0, first_roll_ = 0.0;

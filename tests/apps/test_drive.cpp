@@ -28,7 +28,8 @@ using namespace stymo;
 using nlohmann::json;
 
 constexpr int frame_count = 14;
-const std::string settings = " --model run/model.safetensors --key-steps 2 --frame-steps 1 ";
+const std::string settings = " --model run/model.safetensors ";
+const std::string fit_settings = settings + "--key-steps 2 --frame-steps 1 ";
 
 /// A head that moves to the right, is gone in three frames, and comes back after a cut.
 bool has_film() {
@@ -64,7 +65,7 @@ bool has_film() {
 TEST_CASE("A film is fitted frame by frame as one person, and frames without a face hold") {
     if (!has_film()) return;
     const ToolOutcome outcome =
-        run_tool(tiny_run(), "stymo-fit --video film.mp4 --out film --json" + settings);
+        run_tool(tiny_run(), "stymo-fit --video film.mp4 --out film --json" + fit_settings);
     INFO(outcome.err);
     REQUIRE(outcome.exit_code == 0);
     const json report = json::parse(outcome.out);
@@ -114,7 +115,7 @@ TEST_CASE("Of a long film a part is enough, whose frames keep their numbers") {
     if (!has_film()) return;
     const std::string part = " --first-frame 2 --every 3 --most-frames 3 ";
     const ToolOutcome fit =
-        run_tool(tiny_run(), "stymo-fit --video film.mp4 --out part" + part + settings);
+        run_tool(tiny_run(), "stymo-fit --video film.mp4 --out part" + part + fit_settings);
     INFO(fit.err);
     REQUIRE(fit.exit_code == 0);
     CHECK_THAT(fit.err, Catch::Contains("reading") && Catch::Contains("frames   0% 0/3"));

@@ -166,6 +166,40 @@ TEST_CASE("Noisy landmarks and colours of random heads bring back pose, shape an
     CHECK(stymo::median(gains) > 2.0);
 }
 
+TEST_CASE("A known identity is kept, and the landmarks then tell the expression better") {
+    const stymo::MorphableHead& head = own_head();
+    const stymo::Rng rng(7);
+    const std::vector<float> mean(100);
+    const auto moved = [&](const std::vector<float>& expression) {
+        return stymo::head_vertices(head, mean, expression).to_vector();
+    };
+    bool kept = true;
+    std::vector<double> ratios;
+    for (std::uint64_t i = 0; i < 9; ++i) {
+        const stymo::SyntheticFace face = random_face(head, rng.split(i), 20.0);
+        stymo::MorphableFitTarget target = target_of(head, face, 0.001, rng.split(100 + i));
+        const auto error = [&] {
+            const auto fits = stymo::fit_morphable(head, {&target, 1}, {}, {.pixels = false});
+            if (!target.identity.empty()) kept = kept && fits.front().identity == face.identity;
+            const std::vector<double> found = moved(fits.front().expression),
+                                      truth = moved(face.expression);
+            double sum = 0.0;
+            constexpr std::size_t first_of_mouth = 48;
+            for (std::size_t k = first_of_mouth; k < head.landmarks.size(); ++k)
+                for (std::size_t axis = 0; axis < 2; ++axis) {
+                    const auto at = 3 * static_cast<std::size_t>(head.landmarks[k]) + axis;
+                    sum += std::pow(found[at] - truth[at], 2);
+                }
+            return std::sqrt(sum);
+        };
+        const double unknown = error();
+        target.identity = face.identity;
+        ratios.push_back(error() / unknown);
+    }
+    CHECK(kept);
+    CHECK(stymo::median(ratios) < 0.8);
+}
+
 TEST_CASE("An outline that a detector puts too far to one side hardly turns the head") {
     const stymo::MorphableHead& head = own_head();
     const stymo::MorphableFit truth{stymo::orbit_pose(radians_from_degrees(35.0), 0.0, 0.0, 5.3),
@@ -217,6 +251,9 @@ TEST_CASE("What cannot be fitted is refused in one line") {
     target.mask = Tensor::zeros({5, 5, 1});
     CHECK_THAT(refusal(target), Catch::Contains("mask"));
     target.mask = {};
+    target.identity.resize(99);
+    CHECK_THAT(refusal(target), Catch::Contains("identity has 100 numbers; got 99"));
+    target.identity.clear();
     CHECK_THAT(refusal(target), Catch::Contains("line"));  // all landmarks at one point
     target.landmarks[3][1] = std::nan("");
     CHECK_THAT(refusal(target), Catch::Contains("finite"));

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "fit/video/film_frame.h"
+#include "nn/models/model.h"
+
+namespace stymo {
+
+/// What the landmarks of one person's face say about its expression. They say more than the
+/// encoder, whose codes hardly move with a mouth.
+class LandmarkExpression {
+public:
+    /// `preparation` must outlive the object.
+    LandmarkExpression(const PhotoPreparation& preparation, const Model& model);
+
+    /// The person: the mean of the identities of linear heads that are fitted to each of the
+    /// prepared faces.
+    void know(std::span<const FrameInWork> faces);
+    /// Sets FilmFrame::change of prepared faces, of whom know() knows: the expression of the linear
+    /// head with this identity, drawn to what the model's faces do (plausible_changes). Throws like
+    /// fit_morphable.
+    void see(std::span<FrameInWork> faces) const;
+
+private:
+    const PhotoPreparation& preparation_;
+    Tensor plausible_;
+    std::vector<float> identity_;
+};
+
+}  // namespace stymo
