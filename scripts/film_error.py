@@ -2,7 +2,7 @@
 """Error and run time of a face that is driven by a film, as a Markdown table.
 
 A face does what the coefficients of a made-up recording say; its film then drives a second face,
-whose own film from the same coefficients is the truth. usage: film_curve.py BIN FOLDER
+whose own film from the same coefficients is the truth. usage: film_error.py BIN FOLDER
 [--identity WEIGHTS]; BIN is the folder of the tools.
 """
 
@@ -61,7 +61,7 @@ def main():
     def row(name, result):
         cells = [result.get(key, math.nan) for key in
                  ("mouth_error", "face_error", "identity", "jitter", "jitter_given",
-                  "fitted_frames_a_second")]
+                  "frames_a_second")]
         print("|", " | ".join([name, *("" if math.isnan(x) else f"{x:.2f}" for x in cells)]), "|",
               flush=True)
 

@@ -169,7 +169,7 @@ JsonValue to_json(const FilmSummary& summary) {
                               {"shots", summary.starts},
                               {"cuts", summary.cuts},
                               {"seconds", summary.seconds},
-                              {"fitted_frames_a_second", rate_of(summary)}});
+                              {"frames_a_second", rate_of(summary)}});
 }
 
 }  // namespace stymo

@@ -80,11 +80,15 @@ void declare_head(Command& command, std::filesystem::path& file, const std::stri
 }
 
 void declare_preparation_files(Command& command, PhotoPreparationSettings& settings) {
-    settings.landmark_model = shipped_landmark_network();
     settings.mask_network = shipped_mask_network();
     command.option("--mask-net", settings.mask_network,
                    "network that finds head masks, written by stymo-train --head-mask (default: "
                    "the network that comes with stymo)");
+    declare_landmark_files(command, settings);
+}
+
+void declare_landmark_files(Command& command, PhotoPreparationSettings& settings) {
+    settings.landmark_model = shipped_landmark_network();
     declare_head(command, settings.morphable, "that is fitted for pose and codes");
     command.option(
         "--landmarks", settings.landmark_model,

@@ -49,9 +49,10 @@ void require_not_read(const std::filesystem::path& out,
 void declare_head(Command& command, std::filesystem::path& file, const std::string& purpose,
                   const std::string& otherwise = "default: the built-in head");
 
-/// Declares --mask-net, --morphable, --landmarks and --pose-net, the files for the preparation of
-/// photos, and --max-pixels.
+/// Declares --mask-net and declare_landmark_files, the files for the preparation of photos.
 void declare_preparation_files(Command& command, PhotoPreparationSettings& settings);
+/// Declares --morphable, --landmarks and --pose-net, and --max-pixels.
+void declare_landmark_files(Command& command, PhotoPreparationSettings& settings);
 /// Prints a warning if the landmark network that comes with stymo was not found and no other was
 /// named, because the shipped model fits photos worse if dlib's landmarks aligned them.
 void warn_without_landmark_network(const PhotoPreparationSettings& settings);

@@ -72,6 +72,20 @@ stymo::ChosenRenderer film_renderer(const Options& options, const stymo::Model& 
         options.psnr);
 }
 
+/// A change of no expression, (1, 79).
+stymo::Tensor unmoved() {
+    return stymo::Tensor::zeros({1, stymo::code_sizes[1]});
+}
+
+/// The mean over the model's faces, (1, 79); without statistics 0.
+stymo::Variable mean_expression(const stymo::Model& model) {
+    if (!model.code_statistics()) return stymo::Variable(unmoved());
+    constexpr std::int64_t begin = stymo::code_sizes[0], end = begin + stymo::code_sizes[1];
+    const stymo::Variable mean(
+        model.code_statistics()->mean().reshaped({1, stymo::code_size}).to(stymo::DType::float32));
+    return slice(mean, 1, begin, end);
+}
+
 /// Renders the face with the expression and the pose of each frame of a film.
 class Driven {
 public:
@@ -82,6 +96,7 @@ public:
           model_(model),
           detector_(detector),
           face_(std::move(face)),
+          neutral_(mean_expression(model)),
           chosen_(film_renderer(options, model, face_.codes)) {
         std::cerr << "the face at rest: " << error_words(chosen_) << std::endl;
         if (options.identity.empty()) return;
@@ -93,8 +108,8 @@ public:
         if (seen.found || !last_.defined()) {
             stymo::Codes codes = face_.codes;
             stymo::Variable& expression = codes.groups[1];
-            const stymo::Variable change(seen.change);
-            expression = options_.absolute ? change : expression + change;
+            if (options_.absolute) expression = neutral_;
+            expression = expression + stymo::Variable(seen.change);
             last_ = rendered(codes, seen.pose.yaw, seen.pose.pitch, seen.roll);
             if (seen.found) measure(seen);
         } else {
@@ -139,6 +154,7 @@ private:
     const stymo::Model& model_;
     const stymo::FaceDetector* detector_;
     stymo::CodeFile face_;
+    stymo::Variable neutral_;
     stymo::ChosenRenderer chosen_;
     std::optional<stymo::IdentityNetwork> identity_;
     std::vector<double> embedding_;
@@ -215,11 +231,6 @@ void add_measures(const Options& options, const Measures& measures,
     result.text += text.str();
 }
 
-/// A change of no expression.
-stymo::Tensor unmoved() {
-    return stymo::Tensor::zeros({1, stymo::code_sizes[1]});
-}
-
 stymo::AppResult drive_by_film(const Options& options, const stymo::Model& model,
                                const stymo::Model& shown, stymo::CodeFile face) {
     const stymo::PhotoPreparation preparation(
@@ -235,6 +246,7 @@ stymo::AppResult drive_by_film(const Options& options, const stymo::Model& model
         write_film(options, driven, follower.frames_per_second(),
                    [&](const FrameSink& sink) { summary = follower.run(first, {}, sink); });
     summary.seconds -= rendering;
+    const std::string sound = keep_sound(options);
     const double rate = static_cast<double>(summary.frames) / rendering;
     stymo::AppResult result{
         stymo::text_from(text_of(summary), " followed, ", stymo::decimal(rate, 2), " rendered; ",
@@ -245,7 +257,6 @@ stymo::AppResult drive_by_film(const Options& options, const stymo::Model& model
     if (!options.sheet.empty())
         stymo::write_image(options.sheet, stymo::contact_sheet(options.video, options.out,
                                                                summary.frames, options.film));
-    const std::string sound = keep_sound(options);
     result.text += "\nsound: " + sound;
     result.json.add("rendering_seconds", rendering).add("sound", sound);
     return result;
@@ -347,6 +358,6 @@ int stymo_drive(int argc, char** argv) {
                 "weights of MobileFaceNet, written by stymo-weights import: also measure whether "
                 "the face stays the same person");
     stymo::declare_film(line, options.film);
-    stymo::declare_preparation_files(line, options.preparation);
+    stymo::declare_landmark_files(line, options.preparation);
     return line.run(argc, argv, [&](const stymo::CommonOptions&) { return drive(options); });
 }

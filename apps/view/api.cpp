@@ -155,6 +155,7 @@ Answer Api::open_session() {
     for (const auto& [id, face] : session->faces().all()) faces.push_back(to_json(id, face));
     const Model& model = *shared_.model();
     return json(JsonValue::object({{"session", session->id()},
+                                   {"model", shared_.mark()},
                                    {"faces", faces},
                                    {"groups", groups},
                                    {"resolution", model.config().decoder.resolution},

@@ -87,7 +87,7 @@ void add_prior(NormalEquations& equations, const State& state) {
 }
 
 /// Minimises the prior, the landmark term and, if there is one, the pixel term over the unknowns
-/// [first, last), but for those of a known identity.
+/// [first, last) except those of a known identity.
 [[nodiscard]] State minimized(State state, std::size_t first, std::size_t last, int steps,
                               bool knows_identity, const FittedHead& fitted,
                               morphable::LandmarkTerm& landmarks,

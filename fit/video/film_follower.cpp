@@ -80,7 +80,7 @@ std::vector<FrameInWork> key_frames(const PhotoPreparation& preparation, const M
     }
 }
 
-/// Up to `count` faces that look most alike to the encoder.
+/// Up to `count` faces whose identities are most alike.
 std::vector<FrameInWork> of_one_person(const Model& model, std::vector<FrameInWork> frames,
                                        std::int64_t count) {
     const FaceBatch batch = batch_of(model, frames, model.decoder().ladder().smallest());
@@ -187,11 +187,14 @@ FilmSummary FilmFollower::run(FilmFrame first,
     FaceTracker tracker(preparation_.detector(), rate_);
     Handing handing(std::move(first), summary, sink);
     std::vector<FrameInWork> window;
+    bool is_gone = true;
     const auto finish_window = [&] {
         prepare_frames(preparation_, model_.config(), window, have_masks_);
-        // Where a face could not be prepared, the next one starts anew.
-        for (std::size_t i = 1; i < window.size(); ++i)
-            if (!window[i - 1].tracked) window[i].frame.starts = true;
+        for (FrameInWork& work : window) {
+            // Also where the face before could not be prepared.
+            if (work.tracked && is_gone) work.frame.starts = true;
+            is_gone = !work.tracked;
+        }
         for (const std::span<FrameInWork> shot : shots_of(window)) {
             expression_.see(shot);
             if (on_shot) on_shot(shot);

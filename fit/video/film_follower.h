@@ -34,15 +34,15 @@ struct FilmSummary {
 class FilmFollower {
 public:
     /// Reads the film once, for key frames that show the person. `preparation` has the
-    /// `settings_for` the model, which has an encoder; both must outlive the object. `have_masks`:
+    /// `settings_for` the model; both must outlive the object. `have_masks`:
     /// as in prepare_frames. Throws FileError for a film that cannot be read to its end or shows no
     /// face.
     FilmFollower(const PhotoPreparation& preparation, const Model& model,
                  std::filesystem::path film, FilmOptions options, bool have_masks);
 
     [[nodiscard]] const FilmOptions& options() const { return options_; }
-    /// Up to FilmOptions::key_frames frames with the face, those that look most alike to the
-    /// encoder: after a cut a film may show somebody else.
+    /// Up to FilmOptions::key_frames frames with the face, those whose identities (face_codes) are
+    /// most alike: after a cut a film may show somebody else.
     [[nodiscard]] const std::vector<FrameInWork>& keys() const { return keys_; }
     /// Of the frames that count.
     [[nodiscard]] double frames_per_second() const { return rate_; }

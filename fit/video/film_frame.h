@@ -16,7 +16,7 @@ struct FilmFrame {
     std::int64_t index = 0;  ///< in the film
     bool found = false;   ///< whether the frame shows the face; if not, all else is that of before
     bool starts = false;  ///< as in TrackedFace
-    Tensor change{};      ///< of the expression from a neutral face's (LandmarkExpression), (1, 79)
+    Tensor change{};      ///< what the expression adds to a neutral face, (1, 79)
     Codes codes{};  ///< of a fit: one row; identity, texture and light are the same in all frames
     Pose pose{};    ///< in the face's crop, like that of a photo
     double roll = 0.0;  ///< of the head in the frame, in radians: that of `pose` and of the crop

@@ -9,8 +9,8 @@
 namespace stymo {
 
 /// Somebody's face before a camera, for moving another face at once. The expression is the one that
-/// the landmarks show (LandmarkExpression). It counts from a face at rest, the mean of the first
-/// frames.
+/// the landmarks show (LandmarkExpression), with the identity of the first image. It counts from a
+/// face at rest, the mean of the first images.
 class LiveFace {
 public:
     struct Sight {

@@ -93,17 +93,21 @@ private:
     Tensor correction_;  ///< what fits add to the expression that landmarks show, (1, 79)
 };
 
+/// With a side that the model renders. Throws for another one that is not larger than the model's.
+VideoFitOptions rendered_by(const Model& model, VideoFitOptions options) {
+    options.side = std::min(options.side, model.config().decoder.resolution);
+    static_cast<void>(model.decoder().ladder().count_up_to(options.side));
+    return options;
+}
+
 }  // namespace
 
 VideoFit::VideoFit(const FitJob& job, const std::filesystem::path& film, FilmOptions frames,
                    VideoFitOptions options)
     : job_(job),
-      options_(options),
+      options_(rendered_by(job.model(), options)),
       follower_(job.preparation(), job.model(), film, std::move(frames), true) {
     const double start = seconds_now();
-    options_.side = std::min(options_.side, job_.model().config().decoder.resolution);
-    // Throws for a side that the model does not render.
-    static_cast<void>(job_.model().decoder().ladder().count_up_to(options_.side));
     fit_person();
     person_seconds_ = seconds_now() - start;
 }

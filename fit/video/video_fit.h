@@ -19,8 +19,8 @@ struct VideoFitOptions {
 
 struct VideoSummary {
     FilmSummary film{};
-    double loss = 0.0;  ///< mean of FilmFrame::loss over the frames with a face
-    double person_seconds = 0.0;
+    double loss = 0.0;            ///< mean of FilmFrame::loss over the frames with a face
+    double person_seconds = 0.0;  ///< of the fit to the key frames
 };
 
 /// Fits one person in a film. Identity, texture and light come from the key frames. Then windows of

@@ -60,6 +60,17 @@ bool has_film() {
     return true;
 }
 
+/// The first line of a recording, and one without rotations in which the jaw is open.
+std::pair<std::string, std::string> open_jaw() {
+    std::string header = "Timecode,BlendShapeCount", row = "00:00:00:00.000,61";
+    for (std::string name : arkit_names) {
+        name[0] = static_cast<char>(std::toupper(name[0]));
+        header += ',' + name;
+        row += name == "JawOpen" ? ",0.8" : ",0";
+    }
+    return {header, row};
+}
+
 }  // namespace
 
 TEST_CASE("A film is fitted frame by frame as one person, and frames without a face hold") {
@@ -180,13 +191,8 @@ TEST_CASE("Landmarks of a head that is moved are off by as much") {
 
 TEST_CASE("A face is driven by coefficients of ARKit's shapes and rotations of the head") {
     static_cast<void>(tiny_run());
-    std::string header = "Timecode,BlendShapeCount", rest;
-    for (std::string name : arkit_names) {
-        name[0] = static_cast<char>(std::toupper(name[0]));
-        header += ',' + name;
-        rest += name == "JawOpen" ? ",0.8" : ",0";
-    }
-    const std::string row = "00:00:00:00.000,61" + rest;
+    const auto take = open_jaw();
+    const std::string &header = take.first, &row = take.second;
     const auto drive = [&](const std::string& rows) {
         write_file(tiny_run() / "take.csv", header + ",HeadYaw,HeadPitch,HeadRoll\n" + rows);
         return run_tool(tiny_run(),
@@ -222,6 +228,30 @@ TEST_CASE("A face is driven by coefficients of ARKit's shapes and rotations of t
         CHECK_THAT(refused.err, Catch::Contains(words));
         CHECK_FALSE(fs::exists(tiny_run() / "coefficients.mp4"));
     }
+}
+
+TEST_CASE("Absolute expressions replace those of the face") {
+    static_cast<void>(tiny_run());
+    json codes = json::parse(read_file(tiny_run() / "fit/codes.json"));
+    for (json& number : codes["code"]["expr"]) number = number.get<double>() + 1.0;
+    write_file(tiny_run() / "smiling.json", codes.dump());
+    const auto [header, row] = open_jaw();
+    write_file(tiny_run() / "jaw.csv", header + '\n' + row + '\n');
+    const auto driven = [&](const std::string& face, const std::string& options) {
+        const ToolOutcome outcome = run_tool(
+            tiny_run(), "stymo-drive --codes " + face +
+                            " --model run/model.safetensors --coefficients jaw.csv --out jaw.mp4" +
+                            options);
+        INFO(outcome.err);
+        REQUIRE(outcome.exit_code == 0);
+        return FilmReader(tiny_run() / "jaw.mp4").next().value();
+    };
+    const auto difference = [&](const std::string& options) {
+        return mean_absolute_error(driven("fit/codes.json", options),
+                                   driven("smiling.json", options));
+    };
+    CHECK(difference(" --absolute") == 0.0);
+    CHECK(difference("") > 0.0);
 }
 
 TEST_CASE("Films that cannot be used are refused with one line, and nothing is written", "[slow]") {

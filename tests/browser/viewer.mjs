@@ -234,6 +234,15 @@ test("a reload shows the same face from the same side", async (page) => {
   assert.ok(difference(before, await pixels(page)) < 1.5);
 });
 
+test("an address with the codes of another model is refused in one line", async (page) => {
+  await page.waitForTimeout(400);
+  await page.evaluate(() => { location.hash = location.hash.replace(/m=[^&]*/, "m=0"); });
+  await page.reload();
+  await page.getByText("The address shows a face of another model.").waitFor();
+  await settled(page);
+  assert.ok(await page.evaluate(() => window.stymo.state.codes.length > 0));
+});
+
 test("codes, a snapshot, a mesh and films are saved", async (page) => {
   const saved = async (action) => {
     const [download] = await Promise.all([

@@ -106,9 +106,14 @@ async function start() {
   enableColor();
   enableDrop();
   setFaces(opened);
+  state.model = opened.model;
   const before = remembered();
+  const isForeign = before && before.model !== opened.model;
   const known = before && opened.faces.find((face) => face.codes === before.codes);
-  if (before) {
+  if (isForeign) {
+    showFace(opened.faces[0].face);
+    say("The address shows a face of another model.");
+  } else if (before) {
     const layers = [...element("layer").options].map((option) => option.value);
     const layer = layers.includes(before.layer) ? before.layer : "image";
     element("layer").value = layer;

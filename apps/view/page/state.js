@@ -2,6 +2,7 @@
 // reload or a shared link shows the same.
 
 export const state = {
+  model: "",          // mark of the model, to which the codes belong
   face: "",           // id of the face
   codes: "",          // its codes as digits
   sliders: {},        // group -> amounts
@@ -68,6 +69,7 @@ function remember() {
   for (const [group, amounts] of Object.entries(sliders)) {
     if (amounts.some((amount) => amount !== 0)) parts.set("s_" + group, amounts.join("_"));
   }
+  parts.set("m", state.model);
   parts.set("codes", state.codes);
   history.replaceState(null, "", location.pathname + location.search + "#" + parts);
 }
@@ -86,6 +88,7 @@ export function remembered() {
   }
   return {
     codes: parts.get("codes"),
+    model: parts.get("m") ?? state.model,
     sliders,
     layer: parts.get("l") ?? "image",
     camera: {
