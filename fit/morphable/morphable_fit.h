@@ -50,11 +50,11 @@ struct MorphableFit {
 };
 
 /// Fits a linear head to each photo separately, on all threads: the pose in closed form, then pose
-/// and shape to the landmarks, then all unknowns to landmarks and colours (a known identity is no
-/// unknown), by Levenberg-Marquardt
-/// steps whose Jacobians come from core/autograd. The points of the jaw move on the head to its
-/// outline in the view. Throws ShapeError for images that are not square or have other shapes or
-/// identities of another size, ValueError for landmarks that are not finite or are collinear.
+/// and shape to the landmarks, then all unknowns to landmarks and colours, by Levenberg-Marquardt
+/// steps whose Jacobians come from core/autograd. A known identity is no unknown. The points of the
+/// jaw move on the head to its outline in the view. Throws ShapeError for images that are not
+/// square or have other shapes or identities of another size, ValueError for landmarks that are not
+/// finite or are collinear.
 [[nodiscard]] std::vector<MorphableFit> fit_morphable(const MorphableHead& head,
                                                       std::span<const MorphableFitTarget> targets,
                                                       const Intrinsics& intrinsics,

@@ -30,7 +30,7 @@ struct FrameInWork {
     Tensor image{};  ///< of the film; empty after the crop is made
     std::optional<TrackedFace> tracked{};
     Face face{};
-    MorphableFitTarget target{};  ///< of the crop
+    MorphableFitTarget target{};  ///< what the linear head was fitted to
 };
 
 /// Cuts the tracked faces out and finds their masks, which may be left out, poses and landmarks. A

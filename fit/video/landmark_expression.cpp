@@ -6,33 +6,24 @@
 
 namespace stymo {
 
-namespace {
-
-/// Fits the linear head to landmarks alone; `identity` as in MorphableFitTarget.
-std::vector<MorphableFit> fits_of(const PhotoPreparation& preparation,
-                                  std::span<const FrameInWork> faces,
-                                  const std::vector<float>& identity) {
-    std::vector<MorphableFitTarget> targets;
-    for (const FrameInWork& face : faces) targets.push_back(face.target);
-    for (MorphableFitTarget& target : targets) target.identity = identity;
-    return fit_morphable(preparation.head(), targets, preparation.settings().intrinsics,
-                         {.pixels = false});
-}
-
-}  // namespace
-
 LandmarkExpression::LandmarkExpression(const PhotoPreparation& preparation, const Model& model)
     : preparation_(preparation), plausible_(plausible_changes(model, preparation.head())) {}
 
 void LandmarkExpression::know(std::span<const FrameInWork> faces) {
     identity_.assign(MorphableHead::identity_size, 0.0F);
-    for (const MorphableFit& fit : fits_of(preparation_, faces, {}))
+    for (const FrameInWork& work : faces)
         for (std::size_t i = 0; i < identity_.size(); ++i)
-            identity_[i] += fit.identity[i] / static_cast<float>(faces.size());
+            identity_[i] += work.face.code[i] / static_cast<float>(faces.size());
 }
 
 void LandmarkExpression::see(std::span<FrameInWork> faces) const {
-    const std::vector<MorphableFit> fits = fits_of(preparation_, faces, identity_);
+    std::vector<MorphableFitTarget> targets;
+    for (const FrameInWork& work : faces) {
+        targets.push_back(work.target);
+        targets.back().identity = identity_;
+    }
+    const std::vector<MorphableFit> fits = fit_morphable(
+        preparation_.head(), targets, preparation_.settings().intrinsics, {.pixels = false});
     for (std::size_t i = 0; i < faces.size(); ++i) {
         const Tensor shown =
             Tensor::from({1, MorphableHead::expression_size}, std::span(fits[i].expression));

@@ -15,8 +15,7 @@ public:
     /// `preparation` must outlive the object.
     LandmarkExpression(const PhotoPreparation& preparation, const Model& model);
 
-    /// The person: the mean of the identities of linear heads that are fitted to each of the
-    /// prepared faces.
+    /// The person: the mean of the prepared faces' identities, which are those of the linear head.
     void know(std::span<const FrameInWork> faces);
     /// Sets FilmFrame::change of prepared faces, of whom know() knows: the expression of the linear
     /// head with this identity, drawn to what the model's faces do (plausible_changes). Throws like

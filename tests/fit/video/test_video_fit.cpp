@@ -3,10 +3,12 @@
 
 #include "core/io/film.h"
 #include "core/io/scratch_folder.h"
+#include "fit/shipped_files.h"
 #include "fit/studio.h"
 #include "fit/video/acted_frame.h"
 #include "fit/video/live_face.h"
 #include "fit/video/video_fit.h"
+#include "support/tiny_model.h"
 
 namespace video_tests {
 
@@ -21,6 +23,30 @@ double correlation(const std::vector<double>& a, const std::vector<double>& b) {
 }
 
 }  // namespace
+
+TEST_CASE("A mouth that opens before the camera and closes again is seen to") {
+    if (!FaceDetector::available()) return;
+    const Model model = test::tiny_model();
+    PhotoPreparationSettings settings;
+    settings.landmark_model = shipped_landmark_network();
+    const PhotoPreparation preparation(settings_for(model.config(), settings));
+    LiveFace live(preparation, model);
+    const auto seen_jaw = [&](float jaw) {
+        double seen = 0.0;
+        for (int i = 0; i < 10; ++i) {
+            Tensor frame = empty_frame(0.35);
+            static_cast<void>(draw(frame, 1, {.jaw = jaw, .left = 190}));
+            const std::optional<LiveFace::Sight> sight = live.see(frame);
+            REQUIRE(sight);
+            seen = sight->change.to_vector()[0];
+        }
+        return seen;
+    };
+    CHECK(std::abs(seen_jaw(0.0F)) < 0.05);
+    const double open = seen_jaw(1.5F);
+    CHECK(open > 0.3);
+    CHECK(std::abs(seen_jaw(0.0F)) < 0.05);
+}
 
 TEST_CASE("Poses and expressions of a film are those with which it was drawn", "[slow]") {
     if (!FaceDetector::available()) return;
