@@ -7,7 +7,7 @@
 
 #include "core/tensor.h"
 #include "fit/photo/face_detector.h"
-#include "fit/video/video_fit.h"
+#include "fit/video/film_follower.h"
 
 namespace stymo {
 

@@ -5,11 +5,8 @@
 #include <utility>
 
 #include "core/clock.h"
-#include "core/error.h"
-#include "core/interrupt.h"
 #include "core/ops/ops.h"
 #include "fit/expression_prior.h"
-#include "nn/realtime/view.h"
 
 namespace stymo {
 
