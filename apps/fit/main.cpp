@@ -276,21 +276,27 @@ int stymo_fit(int argc, char** argv) {
         .excludes("--images");
     line.option("--mask", options.face.mask,
                 "head mask of a photo that is aligned like FFHQ; without --pose the face is "
-                "assumed to be frontal");
+                "assumed to be frontal")
+        .excludes("--video");
     line.option("--ignore", options.face.ignore,
                 "mask of the photo's own size, white where something covers the face; fit, tuning "
-                "and scores leave these pixels out, like those outside the photo");
+                "and scores leave these pixels out, like those outside the photo")
+        .excludes("--video");
     line.option(
-        "--pose", options.face.pose,
-        "JSON file with the pose of an aligned photo; without --mask the whole frame is fitted");
+            "--pose", options.face.pose,
+            "JSON file with the pose of an aligned photo; without --mask the whole frame is fitted")
+        .excludes("--video");
     line.flag("--as-is", options.face.as_is,
-              "the photo is aligned like FFHQ and the face is frontal; the whole frame is fitted");
+              "the photo is aligned like FFHQ and the face is frontal; the whole frame is fitted")
+        .excludes("--video");
     line.option("--data", options.face.data,
-                "folder of faces in the FFHQ format with the photo, its mask and its pose");
+                "folder of faces in the FFHQ format with the photo, its mask and its pose")
+        .excludes("--video");
     line.option("--id", options.face.id, "id of the photo in --data").needs("--data");
     line.option("--face", options.fit.job.preparation.face,
                 "which face of the photo, counted from the left; 0: the largest")
         .range(0, 1000)
+        .excludes("--video")
         .excludes("--mask")
         .excludes("--pose")
         .excludes("--as-is")

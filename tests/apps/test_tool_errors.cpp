@@ -72,6 +72,8 @@ TEST_CASE("Wrong usage of a tool exits with 2") {
         {fit, "--image"},
         {fit + "--data faces", "--id"},
         {fit + "--id 00001", "--data"},
+        {fit + "--video film.avi --face 2", "--video"},
+        {fit + "--video film.avi --mask faces/images/00000.png", "--video"},
         {fit + "--image faces/images/00000.png --as-is --steps -1", "--steps"},
         {fit + "--image faces/images/00000.png --as-is --learning-rate nan", "--learning-rate"},
         {fit + "--image faces/images/00000.png --as-is --regularizer inf", "--regularizer"},
