@@ -27,8 +27,10 @@ std::vector<Parameter> ReconstructionStage::unfreeze(const TrainingPosition& pos
     const bool frozen = parts_.images.epochs(position.first_image) <
                             static_cast<double>(config.optimizer.backbone_frozen_epochs) &&
                         is_pretrained(config.model.encoder);
-    std::vector<std::string> prefixes = trained_decoder_prefixes(parts_.model, position);
-    prefixes.emplace_back("encoder.heads.");
+    std::vector<std::string> prefixes{"encoder.heads."};
+    if (!config.stage1.decoder_frozen)
+        std::ranges::copy(trained_decoder_prefixes(parts_.model, position),
+                          std::back_inserter(prefixes));
     if (!frozen) prefixes.emplace_back(backbone_prefix);
     std::vector<Parameter> parameters = unfreeze_only(parts_.model.parameters(), prefixes);
     if (parts_.offsets != nullptr) {

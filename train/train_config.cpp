@@ -84,6 +84,8 @@ void describe_stage1(ConfigSchema& schema, StageConfig& config) {
                    "decoder.resolution (paper)");
     schema.number("stage1.average_half_life", config.average_half_life, 0.0, 1e12,
                   "half life of the EMA of the weights, in images; 0: no EMA is kept");
+    schema.boolean("stage1.decoder_frozen", config.decoder_frozen,
+                   "the decoder stays as it is, and the encoder alone learns (paper: false)");
     schema.integer("stage1.pose_interval", config.pose_interval, 0, 1'000'000,
                    "every n-th step also learns offsets of the poses of its photos (paper: future "
                    "work); 0: no step does");

@@ -12,11 +12,13 @@
 namespace stymo {
 
 void publish_model(const std::filesystem::path& in, const std::filesystem::path& out) {
-    ModelConfig config = Model::load(in).config();
+    const Model model = Model::load(in);
+    ModelConfig config = model.config();
     config.encoder = without_weight_files(config.encoder);
     config.reconstruction.perceptual = {.network = encoder_network};
     // With this weight, fitted and tuned faces had the highest PSNR and SSIM.
-    config.reconstruction.perceptual_weight = config.encoder.backbone == "small_conv" ? 1.0 : 0.0;
+    config.reconstruction.perceptual_weight =
+        model.has_encoder() && model.encoder().backbone().has_activations() ? 1.0 : 0.0;
     TensorFile file = read_tensor_file(in);
     file.metadata["config"] = to_json(config);
     file.metadata[mark_key] = model_mark(in);
@@ -52,6 +54,9 @@ void require_wider(const ModelConfig& narrow, const ModelConfig& wide) {
         same.encoder.identity_backbone = no_backbone;
         same.encoder.identity_weights.clear();
     }
+    if (narrow.encoder.backbone == "small_conv" && wide.encoder.backbone == "small_residual")
+        same.encoder.backbone = narrow.encoder.backbone;
+    if (!narrow.encoder.identity_from_both) same.encoder.identity_from_both = false;
     if (narrow.encoder.expression_backbone == no_backbone) {
         same.encoder.expression_backbone = no_backbone;
         same.encoder.expression_weights.clear();
@@ -60,7 +65,8 @@ void require_wider(const ModelConfig& narrow, const ModelConfig& wide) {
         fail<ConfigError>(
             "widening changes decoder.field_width, .feature_channels, .block_channels and "
             ".mask_channels, enlarges decoder.resolution with "
-            "reconstruction.resolution_weights, and adds encoder.identity_backbone and "
+            "reconstruction.resolution_weights, turns encoder.backbone from small_conv to "
+            "small_residual, and adds encoder.identity_backbone, .identity_from_both and "
             ".expression_backbone, only");
     const auto times = static_cast<std::uint64_t>(to.resolution / from.resolution);
     const std::size_t needed =
@@ -81,10 +87,12 @@ void require_wider(const ModelConfig& narrow, const ModelConfig& wide) {
 }
 
 /// Whether an added parameter is zero, so that a new render block enlarges the image and the mask
-/// of the block before.
+/// of the block before, and that a new residual block passes on what it reads.
 bool starts_as_zero(const std::string& name) {
     return name.find(".to_rgb.") != std::string::npos ||
-           name.find(".mask.lateral") != std::string::npos;
+           name.find(".mask.lateral") != std::string::npos ||
+           (name.starts_with("encoder.backbone.residual") &&
+            name.find(".second.") != std::string::npos);
 }
 
 /// Copies the narrow tensor into the leading part of the wide one. In old rows the new columns are

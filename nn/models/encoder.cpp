@@ -140,7 +140,7 @@ void describe(ConfigSchema& schema, EncoderConfig& config) {
                   "network from the image to an embedding (paper: ArcFace)");
     schema.text("encoder.backbone_weights", config.backbone_weights,
                 ".safetensors file with published weights of the backbone (stymo-weights import); "
-                "random: trained from scratch, as small_conv always is");
+                "random: trained from scratch, as small_conv and small_residual always are");
     schema.boolean("encoder.arcface_crop", config.arcface_crop,
                    "crop the backbone's input to the frame of ArcFace's training, the middle 76.5 "
                    "% of the FFHQ crop");
@@ -151,9 +151,12 @@ void describe(ConfigSchema& schema, EncoderConfig& config) {
     schema.choice(
         "encoder.identity_backbone", config.identity_backbone, second,
         "a second backbone that knows faces and is never trained; identity is read from it "
-        "alone, texture from both");
+        "alone (but see encoder.identity_from_both), texture from both");
     schema.text("encoder.identity_weights", config.identity_weights,
                 ".safetensors file with published weights of the identity backbone");
+    schema.boolean("encoder.identity_from_both", config.identity_from_both,
+                   "with an identity backbone, identity too is read from both: the backbone that "
+                   "knows faces ignores hair");
     schema.choice("encoder.expression_backbone", config.expression_backbone, second,
                   "a backbone that is never trained, from which alone expression is read");
     schema.text("encoder.expression_weights", config.expression_weights,
@@ -165,11 +168,12 @@ void describe(ConfigSchema& schema, EncoderConfig& config) {
 Encoder::Encoder(const EncoderConfig& config, ParameterStore& store, const std::string& prefix,
                  Rng& rng)
     : arcface_crop_(config.arcface_crop),
+      identity_from_both_(config.identity_from_both),
       backbone_(make_backbone(config.backbone, store, prefix + ".backbone.", rng)),
       identity_(second_backbone(config.identity_backbone, store, prefix + ".identity.", rng)),
       expression_(second_backbone(config.expression_backbone, store, prefix + ".expression.", rng)),
       heads_(std::make_shared<Heads>(
-          std::array<std::int64_t, 4>{size_of(identity_ ? identity_ : backbone_),
+          std::array<std::int64_t, 4>{read_by_identity(),
                                       size_of(expression_ ? expression_ : backbone_),
                                       size_of(backbone_) + size_of(identity_), size_of(backbone_)},
           config.head_width, store, prefix + ".heads.", rng)),
@@ -179,6 +183,11 @@ Encoder::Encoder(const EncoderConfig& config, ParameterStore& store, const std::
     if (expression_) load_backbone(*expression_, config.expression_weights, expression_key);
 }
 
+std::int64_t Encoder::read_by_identity() const {
+    if (!identity_) return size_of(backbone_);
+    return size_of(identity_) + (identity_from_both_ ? size_of(backbone_) : 0);
+}
+
 Codes Encoder::operator()(const Variable& image) const {
     if (image.rank() != 4 || image.shape(1) != image.shape(2) || image.shape(3) != 3)
         fail<ShapeError>("the encoder needs images (batch, side, side, 3), got ", image.shape());
@@ -186,8 +195,9 @@ Codes Encoder::operator()(const Variable& image) const {
     const Variable embedding = (*backbone_)(framed(image, arcface_crop_)) * embedding_scale_;
     std::array<Variable, 4> inputs{embedding, embedding, embedding, embedding};
     if (identity_) {
-        inputs[0] = scaled((*identity_)(arcface_frame(image)));
-        inputs[2] = concat({embedding, inputs[0]}, 1);
+        const Variable face = scaled((*identity_)(arcface_frame(image)));
+        inputs[0] = identity_from_both_ ? concat({face, embedding}, 1) : face;
+        inputs[2] = concat({embedding, face}, 1);
     }
     Codes codes;
     for (std::size_t i = 0; i < codes.groups.size(); ++i)

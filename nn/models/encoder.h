@@ -21,9 +21,12 @@ struct EncoderConfig {
     double embedding_scale = 1.0;   ///< factor on the embedding before the heads
     std::int64_t head_width = 512;  ///< heads: embedding -> width -> width / 2 -> code
     /// A second backbone, which knows faces and is never trained: one of backbone_names(), or
-    /// no_backbone. The head of identity reads its embedding alone, that of texture both.
+    /// no_backbone. The head of identity reads its embedding alone (but see
+    /// `identity_from_both`), that of texture both.
     std::string identity_backbone = "none";
     std::string identity_weights{};  ///< its published weights, like backbone_weights
+    /// The head of identity reads both embeddings too: a backbone that knows faces ignores hair.
+    bool identity_from_both = false;
     /// A backbone that is never trained, like the one of identity. The head of expression reads it
     /// alone.
     std::string expression_backbone = "none";
@@ -79,7 +82,11 @@ public:
 
 private:
     struct Heads;
+    /// Size of what the head of identity reads.
+    [[nodiscard]] std::int64_t read_by_identity() const;
+
     bool arcface_crop_;
+    bool identity_from_both_;
     std::unique_ptr<Backbone> backbone_;
     std::unique_ptr<Backbone> identity_;    ///< null without an identity backbone
     std::unique_ptr<Backbone> expression_;  ///< null without an expression backbone

@@ -16,7 +16,8 @@ namespace stymo {
 EncoderDistance::EncoderDistance(const Encoder& encoder) : backbone_(encoder.backbone()) {
     if (!backbone_.has_activations())
         fail<ConfigError>(
-            "reconstruction.perceptual_network = encoder needs encoder.backbone = small_conv");
+            "reconstruction.perceptual_network = encoder needs encoder.backbone = small_conv "
+            "or small_residual");
 }
 
 EncoderDistance::Features EncoderDistance::features(const Variable& images) const {

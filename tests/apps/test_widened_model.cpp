@@ -122,6 +122,27 @@ TEST_CASE("an expression backbone is added to a model that has one of identity",
     CHECK(values_of(both).at("encoder.heads.expr.wide.weight").shape()[1] == 192);
 }
 
+TEST_CASE("an encoder with residual blocks and more for identity gives the same codes", "[model]") {
+    const ScratchFolder folder;
+    const std::vector<std::string> identity{"encoder.identity_backbone=mobilefacenet",
+                                            "encoder.identity_weights=random"};
+    const std::vector<std::string> larger{"encoder.backbone=small_residual",
+                                          "encoder.identity_from_both=true"};
+    deep_model(3).save(folder / "narrow.safetensors");
+    widen_model(folder / "narrow.safetensors", folder / "wide.safetensors", identity);
+    widen_model(folder / "wide.safetensors", folder / "larger.safetensors", larger);
+    const Model wide = Model::load(folder / "wide.safetensors");
+    const Model enlarged = Model::load(folder / "larger.safetensors");
+    const Variable image(Rng(4).normal({1, 64, 64, 3}, 0.0, 0.5));
+    const Codes before = wide.encoder()(image);
+    const Codes after = enlarged.encoder()(image);
+    for (std::size_t i = 0; i < before.groups.size(); ++i)
+        CHECK(check_close(after.groups[i].value(), before.groups[i].value(), 1e-5).passed);
+    CHECK(values_of(enlarged).at("encoder.heads.id.wide.weight").shape()[1] == 128 + 256);
+    CHECK(enlarged.parameters().element_count("encoder.backbone.residual") == 479'872);
+    CHECK_THAT(refusal({"encoder.backbone=landmarks"}), Catch::StartsWith("widening changes"));
+}
+
 TEST_CASE("a number of channels that no block had is that of the new block", "[model]") {
     const ScratchFolder folder;
     ModelConfig config = deep_model(3).config();

@@ -318,6 +318,21 @@ TEST_CASE("the learning rate falls by its schedule", "[trainer]") {
     }
 }
 
+TEST_CASE("a frozen decoder stays where it is while the encoder learns", "[trainer]") {
+    TrainConfig config = tiny_train_config();
+    config.stage1.decoder_frozen = true;
+    Trainer trainer(config, faces(), nullptr, 5);
+    const std::vector<Tensor> before = values_of(trainer.model());
+    static_cast<void>(trainer.step());
+    const std::vector<Parameter>& parameters = trainer.model().parameters().all();
+    for (std::size_t i = 0; i < parameters.size(); ++i) {
+        const std::string& name = parameters[i].name();
+        INFO(name);
+        CHECK(identical(before[i], parameters[i].variable().value()) ==
+              name.starts_with("decoder."));
+    }
+}
+
 TEST_CASE("a factor of zero keeps the backbone where it is", "[trainer]") {
     TrainConfig config = tiny_train_config();
     config.optimizer.backbone_factor = 0.0;

@@ -40,6 +40,7 @@ const std::vector<BackboneRow> rows{
     {"landmarks", 80, 192, 1'280'784},
     {"mobilefacenet", 112, 128, 1'019'648},
     {"small_conv", 64, 256, 1'240'896},
+    {"small_residual", 64, 256, 1'720'768},
 };
 
 std::vector<BackboneRow> rows_where(bool large) {
@@ -325,6 +326,29 @@ TEST_CASE("what is wrong with the backbone or its weights is said in one line wi
     CHECK_THAT(missing, Catch::Contains("encoder.backbone_weights") &&
                             Catch::Contains("/nowhere/weights.safetensors"));
     CHECK(missing.find('\n') == std::string::npos);
+}
+
+TEST_CASE("identity is read from both backbones where that is asked", "[encoder]") {
+    const auto identities = [](bool from_both) {
+        ParameterStore store;
+        Rng rng(16);
+        const Encoder encoder({.backbone = "small_conv",
+                               .head_width = 8,
+                               .identity_backbone = "mobilefacenet",
+                               .identity_weights = random_backbone,
+                               .identity_from_both = from_both},
+                              store, "encoder", rng);
+        // The frame of the backbone that knows faces ends before the corner, where hair is.
+        const Variable image = image_of(1, 64, 17);
+        Tensor hair = image.value();
+        hair.mutable_values<float>()[0] += 1.0F;
+        return std::pair(encoder(image).groups[0].value(),
+                         encoder(Variable(hair)).groups[0].value());
+    };
+    const auto [face, face_with_hair] = identities(false);
+    CHECK(test::identical(face, face_with_hair));
+    const auto [head, head_with_hair] = identities(true);
+    CHECK_FALSE(test::identical(head, head_with_hair));
 }
 
 TEST_CASE("identity is read from the identity backbone, texture from both", "[encoder]") {
