@@ -262,7 +262,7 @@ private:
     Rng rng_ = Rng(options_.seed).split("anchors");
     std::vector<Anchor> anchors_;  ///< those that were needed so far
     std::vector<Parameter> parameters_;
-    HybridOptimizer optimizer_{{}, true, {.momentum = momentum}};
+    HybridOptimizer optimizer_{{}, MuonScope::decoder, {.momentum = momentum}};
 };
 
 /// Finished share of the tuning.

@@ -14,13 +14,18 @@ namespace {
 constexpr const char* backbone_prefix = "encoder.backbone.";
 constexpr const char* optimizer_prefix = "";
 
+MuonScope muon_scope(const OptimizerConfig& config) {
+    if (config.matrices == "muon") return MuonScope::decoder;
+    return config.matrices == "muon_encoder" ? MuonScope::encoder_and_decoder : MuonScope::none;
+}
+
 }  // namespace
 
 ReconstructionStage::ReconstructionStage(const TrainingParts& parts)
     : parts_(parts),
       optimizer_({parts.config.optimizer.beta1, parts.config.optimizer.beta2,
                   parts.config.optimizer.epsilon},
-                 parts.config.optimizer.matrices == "muon") {}
+                 muon_scope(parts.config.optimizer)) {}
 
 std::vector<Parameter> ReconstructionStage::unfreeze(const TrainingPosition& position) {
     const TrainConfig& config = parts_.config;
@@ -101,7 +106,7 @@ AdversarialStage::AdversarialStage(const TrainingParts& parts)
     : parts_(parts),
       optimizer_(
           {parts.config.stage2.beta1, parts.config.stage2.beta2, parts.config.stage2.epsilon},
-          false) {
+          MuonScope::none) {
     if (parts.config.loss.adversarial_weight > 0.0)
         discriminator_.emplace(parts.config, parts.rng.split(discriminator_name));
 }

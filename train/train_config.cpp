@@ -53,9 +53,9 @@ void describe_optimizer(ConfigSchema& schema, OptimizerConfig& config) {
     schema.number("optimizer.decay", config.decay, 0.0, 1.0,
                   "factor on the learning rate after each epoch (paper: 0.98)");
     schema.choice(
-        "optimizer.matrices", config.matrices, {"adam", "muon"},
-        "optimiser of the decoder's weight matrices in stage 1 (paper: adam); muon learns "
-        "faster");
+        "optimizer.matrices", config.matrices, {"adam", "muon", "muon_encoder"},
+        "optimiser of weight matrices in stage 1 (paper: adam): muon for the decoder's, which "
+        "learns faster, or muon_encoder for the encoder's too");
     schema.number("optimizer.beta1", config.beta1, 0.0, 0.999999, "Adam's decay of the mean");
     schema.number("optimizer.beta2", config.beta2, 0.0, 0.999999, "Adam's decay of the square");
     schema.number("optimizer.epsilon", config.epsilon, 1e-30, 1.0, "Adam's epsilon");

@@ -46,7 +46,8 @@ struct OptimizerConfig {
     double epsilon = 1e-8;
     double backbone_factor = 1.0;  ///< factor on the learning rate of the encoder's backbone
     std::int64_t backbone_frozen_epochs = 1;
-    /// Optimiser of the decoder's hidden matrices in stage 1: "adam" or "muon".
+    /// Optimiser of hidden matrices in stage 1: "adam", "muon" for the decoder's, or "muon_encoder"
+    /// for the encoder's too.
     std::string matrices = "adam";
     double sample_tolerance = 0.0;  ///< samples of smaller compositing weight get no gradient
     /// Largest number of consecutive steps that are skipped for a non-finite loss or gradient.

@@ -73,18 +73,18 @@ void Muon::step(std::span<const Parameter> parameters, std::span<const Variable>
         const Parameter& parameter = parameters[i];
         const Tensor& value = parameter.variable().value();
         const Variable gradient = Variable(gradients[i].value());
-        if (value.rank() != 2 || !(gradient.shape() == value.shape()))
+        if (value.rank() < 2 || !(gradient.shape() == value.shape()))
             fail<ShapeError>("Muon moves matrices; the gradient of ", parameter.name(),
                              " has shape ", gradient.shape(), ", the parameter ", value.shape());
         Tensor& memory = momenta_[parameter.name()];
         if (!memory.defined()) memory = Tensor::zeros(value.shape(), value.dtype());
         memory = (Variable(memory) * momentum + gradient * (1.0 - momentum)).value();
         const Variable direction = Variable(memory) * momentum + gradient * (1.0 - momentum);
+        const Variable matrix = reshape(direction, {value.shape(0), -1});
         const double length =
-            std::sqrt(static_cast<double>(std::max(value.shape(0), value.shape(1))));
-        parameter.set_value((Variable(value) -
-                             Variable(orthogonalised(direction.value())) * (learning_rate * length))
-                                .value());
+            std::sqrt(static_cast<double>(std::max(matrix.shape(0), matrix.shape(1))));
+        const Variable step = reshape(Variable(orthogonalised(matrix.value())), value.shape());
+        parameter.set_value((Variable(value) - step * (learning_rate * length)).value());
     }
 }
 
@@ -108,11 +108,13 @@ constexpr const char* adam_name = "adam.";
 constexpr const char* muon_name = "muon.";
 
 /// Whether Muon suits this parameter: a matrix of a hidden layer, not one to or from few channels.
-bool is_hidden_matrix(const Parameter& parameter) {
+bool is_hidden_matrix(const Parameter& parameter, MuonScope scope) {
     constexpr std::int64_t few = 16;
     const Shape& shape = parameter.variable().shape();
-    return parameter.name().starts_with("decoder.") && shape.rank() == 2 &&
-           std::min(shape[0], shape[1]) >= few;
+    const bool decoder = parameter.name().starts_with("decoder.");
+    if (scope == MuonScope::none || (scope == MuonScope::decoder && !decoder)) return false;
+    if (shape.rank() != 2 && (decoder || shape.rank() != 4)) return false;
+    return std::min(shape[0], shape[shape.rank() - 1]) >= few;
 }
 
 struct Group {
@@ -129,7 +131,7 @@ void HybridOptimizer::step(std::span<const Parameter> parameters,
                            std::span<const Variable> gradients, const OptimizerRates& rates) {
     Groups matrices, others;
     for (std::size_t i = 0; i < parameters.size(); ++i) {
-        Groups& groups = with_muon_ && is_hidden_matrix(parameters[i]) ? matrices : others;
+        Groups& groups = is_hidden_matrix(parameters[i], scope_) ? matrices : others;
         Group& group = groups[parameters[i].name().starts_with(rates.prefix) ? 1 : 0];
         group.parameters.push_back(parameters[i]);
         group.gradients.push_back(gradients[i]);

@@ -29,10 +29,11 @@ class Muon {
 public:
     explicit Muon(const MuonOptions& options = {}) : options_(options) {}
 
-    /// Updates each parameter (R, C) with its gradient. Throws ValueError unless there is one
-    /// gradient for each parameter, ShapeError for a parameter that is not a matrix or a
-    /// gradient of another shape, and NumericError, which names the parameter, before anything
-    /// changes if a gradient is not finite.
+    /// Updates each parameter (R, C) with its gradient; convolution weights (R, K, K, C) are
+    /// matrices (R, K K C). Throws ValueError unless there is one gradient for each parameter,
+    /// ShapeError for a parameter of fewer dimensions or a gradient of another shape, and
+    /// NumericError, which names the parameter, before anything changes if a gradient is not
+    /// finite.
     void step(std::span<const Parameter> parameters, std::span<const Variable> gradients,
               double learning_rate);
 
@@ -55,13 +56,16 @@ struct OptimizerRates {
     double adam_factor = 1.0;
 };
 
-/// The optimiser of encoder and decoder in training, and of the decoder in tuning. Adam for all
-/// parameters, or Muon for the decoder's hidden matrices (both sides at least 16) and Adam for the
-/// rest.
+/// The networks whose hidden matrices (both sides at least 16) Muon moves. In the encoder these
+/// include the weights of convolutions.
+enum class MuonScope { none, decoder, encoder_and_decoder };
+
+/// The optimiser of encoder and decoder in training, and of the decoder in tuning: Muon for a scope
+/// and Adam for the rest.
 class HybridOptimizer {
 public:
-    HybridOptimizer(const AdamOptions& adam, bool with_muon, const MuonOptions& muon = {})
-        : adam_(adam), muon_(muon), with_muon_(with_muon) {}
+    HybridOptimizer(const AdamOptions& adam, MuonScope scope, const MuonOptions& muon = {})
+        : adam_(adam), muon_(muon), scope_(scope) {}
 
     /// Updates each parameter with its gradient; there must be one for each. Throws what Adam::step
     /// and Muon::step throw.
@@ -77,7 +81,7 @@ public:
 private:
     Adam adam_;
     Muon muon_;
-    bool with_muon_;
+    MuonScope scope_;
 };
 
 }  // namespace stymo

@@ -156,7 +156,7 @@ TEST_CASE("the hybrid optimizer moves the decoder's hidden matrices by Muon, all
         gradients.emplace_back(Rng(gradients.size()).normal(row.shape, 0.0, 1.0));
     }
     const auto value = [&](std::size_t i) { return store.all()[i].variable().value(); };
-    HybridOptimizer hybrid({}, true, options);
+    HybridOptimizer hybrid({}, MuonScope::decoder, options);
     // The second step depends on the momentum.
     for (int step = 0; step < 2; ++step) {
         hybrid.step(store.all(), gradients, rates);
@@ -189,10 +189,29 @@ TEST_CASE("the hybrid optimizer moves the decoder's hidden matrices by Muon, all
         after.push_back(value(i));
         store.all()[i].set_value(before[i]);
     }
-    HybridOptimizer resumed({}, true, options);
+    HybridOptimizer resumed({}, MuonScope::decoder, options);
     resumed.load(file, "memory", "x.");
     resumed.step(store.all(), gradients, rates);
     for (std::size_t i = 0; i < rows.size(); ++i) CHECK(test::identical(value(i), after[i]));
+}
+
+TEST_CASE("Muon moves the encoder's convolutions as matrices where that is asked", "[muon]") {
+    const Shape kernel{16, 3, 3, 20};
+    const Variable gradient = Rng(1).normal(kernel, 0.0, 1.0);
+    ParameterStore as_kernel, as_matrix, plain;
+    as_kernel.create("encoder.conv.weight", Tensor::zeros(kernel));
+    as_kernel.create("encoder.first.weight", Tensor::zeros({16, 3, 3, 3}));
+    as_matrix.create("encoder.conv.weight", Tensor::zeros({16, 180}));
+    plain.create("encoder.first.weight", Tensor::zeros({16, 3, 3, 3}));
+    const Variable few = Rng(2).normal({16, 3, 3, 3}, 0.0, 1.0);
+    HybridOptimizer hybrid({}, MuonScope::encoder_and_decoder);
+    hybrid.step(as_kernel.all(), std::vector<Variable>{gradient, few}, {.learning_rate = 0.01});
+    Muon().step(as_matrix.all(), std::vector<Variable>{reshape(gradient, {16, 180})}, 0.01);
+    Adam().step(plain.all(), std::vector<Variable>{few}, 0.01);
+    CHECK(as_kernel.all()[0].variable().value().to_vector() ==
+          as_matrix.all()[0].variable().value().to_vector());
+    CHECK(
+        test::identical(as_kernel.all()[1].variable().value(), plain.all()[0].variable().value()));
 }
 
 TEST_CASE("a falloff scales the first weights of each frequency, and nothing else", "[muon]") {
