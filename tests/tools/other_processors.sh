@@ -7,8 +7,9 @@
 #                                                       core, nn, render, train and fit
 #        other_processors.sh BUILD results [FOLDER]     a table of results; qemu-user, if it is
 #                                                       given as STYMO_QEMU=1, confirms SSE2
+#        other_processors.sh BUILD as TARGET COMMAND    one command as on such a processor
 set -euo pipefail
-usage='usage: other_processors.sh BUILD tests [PROGRAM...] | results [FOLDER]'
+usage='usage: other_processors.sh BUILD tests [PROGRAM...] | results [FOLDER] | as TARGET COMMAND'
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 build=$(realpath "${1:?$usage}")
 command=${2:?$usage}
@@ -73,5 +74,9 @@ tests)
     tests "$@"
     ;;
 results) results "$@" ;;
+as)
+    (($# > 1)) && [[ " ${targets[*]} all " == *" $1 "* ]] || { echo "$usage" >&2 && exit 2; }
+    as "$@"
+    ;;
 *) echo "$usage" >&2 && exit 2 ;;
 esac
