@@ -124,6 +124,9 @@ void parallel_tasks(std::int64_t count, const std::function<void(std::int64_t)>&
     std::atomic<std::int64_t> next{0};
 #pragma omp parallel num_threads(threads)
     {
+        // OMP_THREAD_LIMIT and OMP_DYNAMIC give fewer.
+#pragma omp single
+        team.expect(omp_get_num_threads());
         const int thread = omp_get_thread_num();
         const auto in_share = [&] { return thread < share_of(threads); };
         team.run(

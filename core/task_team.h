@@ -26,6 +26,9 @@ class TaskTeam {
 public:
     explicit TaskTeam(int threads) : slots_(static_cast<std::size_t>(threads)), busy_(threads) {}
 
+    /// Says, before any thread calls `run`, that fewer threads came than were wanted.
+    void expect(int threads) { busy_ = threads; }
+
     /// The team in whose task the calling thread is; null outside.
     [[nodiscard]] static TaskTeam* of_this_thread();
 

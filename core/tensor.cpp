@@ -47,12 +47,19 @@ Tensor from_values(const Shape& shape, std::span<const T> values) {
     return result;
 }
 
+std::size_t bytes_of(const Shape& shape, DType dtype) {
+    auto bytes = static_cast<std::int64_t>(size_in_bytes(dtype));
+    if (std::ranges::count(shape.extents(), 0) > 0) return 0;
+    for (const std::int64_t extent : shape.extents())
+        if (__builtin_mul_overflow(bytes, extent, &bytes))
+            fail<ShapeError>("[tensor] ", shape, " is too large");
+    return static_cast<std::size_t>(bytes);
+}
+
 }  // namespace
 
 Tensor::Tensor(Shape shape, DType dtype)
-    : buffer_(allocate(static_cast<std::size_t>(shape.size()) * size_in_bytes(dtype))),
-      shape_(shape),
-      dtype_(dtype) {}
+    : buffer_(allocate(bytes_of(shape, dtype))), shape_(shape), dtype_(dtype) {}
 
 Tensor Tensor::full(const Shape& shape, double value, DType dtype) {
     Tensor result(shape, dtype);

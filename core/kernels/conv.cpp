@@ -36,6 +36,7 @@ Tensor conv2d(const Tensor& x, const Tensor& weight, const Tensor& bias, double 
 Tensor conv2d_transpose(const Tensor& dL_dy, const Tensor& weight, const Shape& input_shape,
                         const Conv2dOptions& options) {
     const ConvGeometry g(input_shape, weight.shape(), dL_dy.shape(), options);
+    if (dL_dy.size() == 0) return Tensor::zeros(input_shape, dL_dy.dtype());
     Tensor dL_dx(input_shape, dL_dy.dtype());
     dispatch(dL_dy.dtype(), [&]<class T>(T) {
         const T* gradient = dL_dy.values<T>().data();

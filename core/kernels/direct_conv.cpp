@@ -377,6 +377,10 @@ void direct_conv2d_weight_grad(const T* dL_dy, const T* x, T* dL_dweight, const 
     const std::int64_t pieces =
         g.groups * gather.slices() * chunk_count(g.group_out(), piece_channels);
     const std::int64_t bands = g.batch * gather.bands();
+    if (bands == 0) {
+        std::fill_n(dL_dweight, g.out_channels * g.filter_size(), T(0));
+        return;
+    }
     // Few pieces: each of them in a few fixed runs of bands, which are added in order.
     const std::int64_t run = std::max<std::int64_t>(1, chunk_count(bands, pieces < 6 ? 8 : 1));
     const std::int64_t runs = std::max<std::int64_t>(1, chunk_count(bands, run));

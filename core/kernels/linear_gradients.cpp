@@ -107,8 +107,9 @@ LinearGradients leaky_linear_gradients(const Tensor& dL_dy, const LeakyLinear& l
     const std::int64_t members = shares_weight ? 1 : shape[0];
     LinearGradients gradients;
     if (wanted.x) gradients.x = Tensor({shape[0], shape[1], in}, dL_dy.dtype());
-    if (wanted.weight) gradients.weight = Tensor({members, shape[2], in}, dL_dy.dtype());
-    if (wanted.bias) gradients.bias = Tensor({shape[2]}, dL_dy.dtype());
+    // Zeros, in case there are no rows.
+    if (wanted.weight) gradients.weight = Tensor::zeros({members, shape[2], in}, dL_dy.dtype());
+    if (wanted.bias) gradients.bias = Tensor::zeros({shape[2]}, dL_dy.dtype());
     if (dL_dy.size() == 0) return gradients;
     dispatch(dL_dy.dtype(), [&]<class T>(T) {
         Layer<T> operands{members,

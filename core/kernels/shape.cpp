@@ -29,7 +29,8 @@ Tensor permute(const Tensor& x, const std::vector<int>& order) {
         stride[static_cast<std::size_t>(axis)] = stride_of_input[static_cast<std::size_t>(from)];
     }
     Tensor y(shape, x.dtype());
-    if (rank == 0 || shape.size() == 0) return x;
+    if (rank == 0) return x;
+    if (shape.size() == 0) return y;
     dispatch(x.dtype(), [&]<class T>(T) {
         const T* in = x.values<T>().data();
         T* out = y.mutable_values<T>().data();
@@ -155,6 +156,7 @@ void for_each_subpixel(std::int64_t batch, std::int64_t height, std::int64_t wid
 Tensor pixel_shuffle(const Tensor& x, const Tensor& coarse) {
     const std::int64_t channels = x.shape(3) / 4;
     Tensor y({x.shape(0), x.shape(1) * 2, x.shape(2) * 2, channels}, x.dtype());
+    if (y.size() == 0) return y;
     dispatch(x.dtype(), [&]<class T>(T) {
         const T* in = x.values<T>().data();
         const T* added = coarse.defined() ? coarse.values<T>().data() : nullptr;

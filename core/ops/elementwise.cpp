@@ -46,16 +46,26 @@ Variable divide(const Variable& a, const Variable& b) {
 
 namespace {
 
+Variable choose(const char* name, Tensor value, const Tensor& takes_a, const Variable& a,
+                const Variable& b);
+
+/// The gradient where the mask is 1, else 0: of an infinite one a product would make NaN.
+Variable kept(const Variable& gradient, const Tensor& mask) {
+    const Variable zeros(Tensor::zeros(gradient.shape(), gradient.dtype()));
+    return choose("where", kernels::select(mask, gradient.value(), zeros.value()), mask, gradient,
+                  zeros);
+}
+
 /// The gradient goes to `a` where the mask is 1 and to `b` where it is 0. The mask is a constant,
 /// so it carries no edge into the second derivative.
 Variable choose(const char* name, Tensor value, const Tensor& takes_a, const Variable& a,
                 const Variable& b) {
-    return record(
-        name, std::move(value), {a, b}, Save::none(),
-        {[takes_a](const Vjp& v) { return sum_to(v.grad() * Variable(takes_a), v.shape(0)); },
-         [takes_a](const Vjp& v) {
-             return sum_to(v.grad() * Variable(kernels::affine(takes_a, -1.0, 1.0)), v.shape(1));
-         }});
+    return record(name, std::move(value), {a, b}, Save::none(),
+                  {[takes_a](const Vjp& v) { return sum_to(kept(v.grad(), takes_a), v.shape(0)); },
+                   [takes_a](const Vjp& v) {
+                       return sum_to(kept(v.grad(), kernels::affine(takes_a, -1.0, 1.0)),
+                                     v.shape(1));
+                   }});
 }
 
 }  // namespace

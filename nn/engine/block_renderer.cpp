@@ -127,7 +127,8 @@ void BlockRenderer::State::cut_strips() {
         const PixelRows& pixels = images_[i + 1].occupied;
         const std::int64_t side = images_[i].side,
                            wanted = std::max<std::int64_t>(side / strip_rows, thread_count()),
-                           count = std::clamp<std::int64_t>(wanted, 2, side / least_strip_rows);
+                           most = std::max<std::int64_t>(2, side / least_strip_rows),
+                           count = std::clamp<std::int64_t>(wanted, 2, most);
         // Each row has a small fixed cost.
         const auto work = [&](std::int64_t row) {
             return 32 * (pixels[2 * row].size() + pixels[2 * row + 1].size()) + 2 * side;

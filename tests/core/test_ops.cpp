@@ -148,6 +148,33 @@ TEST_CASE("At a kink the gradient is the documented one", "[ops]") {
     CHECK(grad(minimum(zero, other), other).value().item() == 0.0);
 }
 
+TEST_CASE("An infinite gradient of what where does not take stays out", "[ops]") {
+    const Variable a = Variable::leaf(Tensor::full({2}, 4.0, DType::float64));
+    constexpr std::array<double, 2> taken{1.0, 0.0};
+    const Tensor mask = Tensor::from({2}, std::span<const double>(taken));
+    const Variable y = sum(sqrt(where(mask, a, Variable(Tensor::zeros({2}, DType::float64)))));
+    CHECK(grad(y, std::vector{a})[0].value().to_vector() == std::vector<double>{0.25, 0.0});
+}
+
+TEST_CASE("Ops on empty tensors have the right shapes, and gradients of zero", "[ops]") {
+    CHECK(transpose(Variable(Tensor::zeros({0, 5}))).shape() == Shape{5, 0});
+    const auto gradients_of = [](const Variable& y, const std::vector<Variable>& leaves) {
+        double largest = 0.0;
+        for (const Variable& gradient : grad(sum(y), leaves))
+            for (const double value : gradient.value().to_vector())
+                largest = std::max(largest, std::abs(value));
+        return largest;
+    };
+    const Variable x = Variable::leaf(Tensor::zeros({0, 8, 8, 16}));
+    const Variable kernel = Variable::leaf(Tensor::full({16, 3, 3, 16}, 1.0));
+    CHECK(gradients_of(conv2d(x, kernel, Conv2dOptions{.padding = 1}), {x, kernel}) == 0.0);
+    const Variable rows = Variable::leaf(Tensor::zeros({1, 0, 16}));
+    const Variable weight = Variable::leaf(Tensor::full({1, 8, 16}, 1.0));
+    const Variable bias = Variable::leaf(Tensor::full({8}, 1.0));
+    CHECK(gradients_of(linear(rows, weight, bias, Activation::leaky_relu), {rows, weight, bias}) ==
+          0.0);
+}
+
 TEST_CASE("where does not show what it does not take", "[ops]") {
     const Tensor condition = Tensor::scalar(1.0, DType::float64);
     const Variable a = Variable::leaf(Tensor::scalar(2.0, DType::float64));

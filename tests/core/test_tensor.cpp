@@ -110,6 +110,9 @@ TEST_CASE("A tensor converts between its two types and guards them", "[tensor]")
 }
 
 TEST_CASE("What a tensor refuses", "[tensor]") {
+    constexpr std::int64_t half = std::int64_t{1} << 32;
+    CHECK_THROWS_WITH((Tensor(Shape{half, half})), Contains("too large"));
+    CHECK(Tensor(Shape{half, half, 0}).size() == 0);
     const std::vector<float> values{1.0F, 2.0F};
     CHECK_THROWS_AS(Tensor::from({3}, std::span<const float>(values)), ShapeError);
     CHECK_THROWS_AS(Tensor::zeros({2, 3}).reshaped({5}), ShapeError);
