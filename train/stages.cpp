@@ -41,6 +41,8 @@ std::vector<Parameter> ReconstructionStage::unfreeze(const TrainingPosition& pos
     if (parts_.offsets != nullptr) {
         ParameterStore& offsets = parts_.offsets->parameters();
         offsets.set_trainable(PhotoOffsets::pose_prefix, learns_poses(config, position));
+        // The saved model lacks them, and only this encoder can make up for that.
+        offsets.set_trainable(PhotoOffsets::source_prefix, !config.stage1.decoder_frozen);
         std::ranges::copy(offsets.trainable(), std::back_inserter(parameters));
     }
     return parameters;

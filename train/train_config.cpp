@@ -12,8 +12,9 @@ void describe_loss(ConfigSchema& schema, LossConfig& config) {
     schema.numbers(
         "loss.code_weights", config.code_weights, 0.0, 1e6,
         "lambda of the code loss for id, expr, tex, light (paper: 0.001, 0.1, 0.001, 0.01)");
-    schema.number("loss.mask_weight", config.mask_weight, 0.0, 1e6,
-                  "lambda of the mask loss (paper: 0.01)");
+    schema.number(
+        "loss.mask_weight", config.mask_weight, 0.0, 1e6,
+        "lambda of the mask loss (paper: 0.01), in phases with images of decoder.resolution");
     schema.integer(
         "loss.mask_start_epoch", config.mask_start_epoch, 0, 1'000'000,
         "the mask loss is on from this epoch at the latest (paper: once training is stable)");
@@ -253,6 +254,20 @@ void check(const TrainConfig& config, const std::string& source) {
     if (!uses_encoder(config.model) && config.data.other_photo > 0.0)
         fail<ConfigError>(source, ": codes.source = ", config.model.code_source,
                           " needs data.other_photo = 0: no encoder reads the other photo");
+    if (config.stage1.decoder_frozen && config.optimizer.matrices == "muon")
+        fail<ConfigError>(source,
+                          ": optimizer.matrices = muon moves the decoder alone, which "
+                          "stage1.decoder_frozen keeps; choose muon_encoder or adam");
+    if (config.model.encoder.identity_from_both &&
+        config.model.encoder.identity_backbone == no_backbone)
+        fail<ConfigError>(source, ": encoder.identity_from_both needs encoder.identity_backbone");
+    if (config.optimizer.sample_tolerance > 0.0 &&
+        config.model.decoder.conditioning == "concatenation")
+        fail<ConfigError>(source,
+                          ": optimizer.sample_tolerance needs decoder.conditioning = modulation");
+    if (!uses_encoder(config.model) && config.stage1.decoder_frozen)
+        fail<ConfigError>(source, ": codes.source = ", config.model.code_source,
+                          " needs stage1.decoder_frozen = false: no encoder would learn");
     if (!uses_encoder(config.model) && config.data.turned_photos > 0.0)
         fail<ConfigError>(source, ": codes.source = ", config.model.code_source,
                           " needs data.turned_photos = 0: no encoder reads the photo");

@@ -62,7 +62,9 @@ struct StageConfig {
     /// Side of the largest image that is rendered and compared; 0: the decoder's resolution.
     std::int64_t resolution = 0;
     double average_half_life = 0.0;  ///< half life of the EMA of the weights, in images; 0: no EMA
-    bool decoder_frozen = false;     ///< only the encoder learns
+    /// Only the encoder learns, and offsets of photos where they are asked for; those of sources
+    /// stay as they are.
+    bool decoder_frozen = false;
     /// Every n-th step also learns offsets of the poses of its photos; 0: no step does.
     std::int64_t pose_interval = 0;
 };

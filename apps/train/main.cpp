@@ -82,6 +82,9 @@ struct PreparedRun {
         // A checkpoint or a model contains the backbone's trained weights, so their file need not
         // be given.
         const bool random_start = options.resume.empty() && options.initial_model.empty();
+        if (random_start && config.stage1.decoder_frozen)
+            stymo::fail<stymo::ConfigError>(
+                "stage1.decoder_frozen needs --initial-model: its decoder would stay random");
         if (!random_start) stymo::assume_weights(config.model.encoder);
         if (config.data.validation > 0)
             validation = stymo::faces_for_training(options.data, config, stymo::Split::validation);

@@ -146,8 +146,10 @@ void describe(ConfigSchema& schema, EncoderConfig& config) {
                    "% of the FFHQ crop");
     schema.number("encoder.embedding_scale", config.embedding_scale, 1e-3, 1e3,
                   "factor on the embedding before the semantic heads");
-    std::vector<std::string> second = backbone_names();
-    second.insert(second.begin(), no_backbone);
+    // It is never trained, so one that has no published weights would stay random.
+    std::vector<std::string> second{no_backbone};
+    for (const std::string& name : backbone_names())
+        if (*published_weights(name) != '\0') second.push_back(name);
     schema.choice(
         "encoder.identity_backbone", config.identity_backbone, second,
         "a second backbone that knows faces and is never trained; identity is read from it "

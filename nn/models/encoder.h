@@ -20,8 +20,8 @@ struct EncoderConfig {
     bool arcface_crop = false;
     double embedding_scale = 1.0;   ///< factor on the embedding before the heads
     std::int64_t head_width = 512;  ///< heads: embedding -> width -> width / 2 -> code
-    /// A second backbone, which knows faces and is never trained: one of backbone_names(), or
-    /// no_backbone. The head of identity reads its embedding alone (but see
+    /// A second backbone, which knows faces and is never trained: one of backbone_names() with
+    /// published weights, or no_backbone. The head of identity reads its embedding alone (but see
     /// `identity_from_both`), that of texture both.
     std::string identity_backbone = "none";
     std::string identity_weights{};  ///< its published weights, like backbone_weights

@@ -112,6 +112,8 @@ bool is_hidden_matrix(const Parameter& parameter, MuonScope scope) {
     constexpr std::int64_t few = 16;
     const Shape& shape = parameter.variable().shape();
     const bool decoder = parameter.name().starts_with("decoder.");
+    // Tables of learnt offsets, one row for each photo, are no layers.
+    if (!decoder && !parameter.name().starts_with("encoder.")) return false;
     if (scope == MuonScope::none || (scope == MuonScope::decoder && !decoder)) return false;
     if (shape.rank() != 2 && (decoder || shape.rank() != 4)) return false;
     return std::min(shape[0], shape[shape.rank() - 1]) >= few;

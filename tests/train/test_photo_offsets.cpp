@@ -6,8 +6,8 @@
 #include "nn/optim/adam.h"
 #include "render/tracked_rays.h"
 #include "support/check_close.h"
-#include "train/step_gradients.h"
 #include "train/photo_offsets.h"
+#include "train/step_gradients.h"
 #include "train/tiny_training.h"
 #include "train/trainer.h"
 
@@ -129,6 +129,13 @@ TEST_CASE("each photo has the light of its source, which a checkpoint keeps by n
     CHECK(is_zero(row(others.source_lights(batch), 1)));
     CHECK(identical(row(others.source_lights(batch), 2), synthetic));
     CHECK_FALSE(PhotoOffsets(faces().ids(), {.poses = true}).source_lights(batch).defined());
+
+    // The name of one source begins with that of another.
+    PhotoOffsets more(faces().ids(), {.sources = {"studio", "studio2"}});
+    more.load(file, "state");
+    batch.sources = {"studio2", "", "studio"};
+    CHECK(is_zero(row(more.source_lights(batch), 0)));
+    CHECK(identical(row(more.source_lights(batch), 2), studio));
 }
 
 TEST_CASE("an offset that all photos share moves no camera", "[poses]") {

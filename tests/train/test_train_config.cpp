@@ -187,4 +187,14 @@ TEST_CASE("codes of the data do not go with mirrored photos", "[train_config]") 
                Catch::Contains("codes.source = morphable needs data.other_photo = 0"));
     CHECK_THAT(refusal({"codes.source=morphable", "data.turned_photos=0.5"}),
                Catch::Contains("codes.source = morphable needs data.turned_photos = 0"));
+    CHECK_THAT(refusal({"optimizer.matrices=muon", "stage1.decoder_frozen=true"}),
+               Catch::Contains("choose muon_encoder or adam"));
+    CHECK_THAT(refusal({"encoder.identity_from_both=true"}),
+               Catch::Contains("encoder.identity_from_both needs encoder.identity_backbone"));
+    CHECK_THAT(refusal({"encoder.identity_backbone=small_conv"}),
+               Catch::Contains("encoder.identity_backbone"));
+    CHECK_THAT(refusal({"decoder.conditioning=concatenation", "optimizer.sample_tolerance=0.001"}),
+               Catch::Contains("optimizer.sample_tolerance needs"));
+    CHECK_THAT(refusal({"codes.source=morphable", "stage1.decoder_frozen=true"}),
+               Catch::Contains("codes.source = morphable needs stage1.decoder_frozen = false"));
 }

@@ -39,15 +39,6 @@ Tensor merged(Tensor mask, const Tensor& part) {
     return mask;
 }
 
-/// Masks are often smaller than their images, but must have the same aspect ratio, up to the
-/// rounding of one pixel.
-void require_same_frame(const Tensor& mask, const Tensor& image) {
-    const std::int64_t difference = mask.shape(0) * image.shape(1) - mask.shape(1) * image.shape(0);
-    if (std::abs(difference) > std::max(image.shape(0), image.shape(1)))
-        fail<FileError>("has ", mask.shape(1), " x ", mask.shape(0), " pixels, its image ",
-                        image.shape(1), " x ", image.shape(0), "; the frames must agree");
-}
-
 /// An error's message without the file's name, which is printed before it.
 std::string reason_of(const Error& error, const std::filesystem::path& file) {
     const std::string message = error.what();
@@ -56,6 +47,13 @@ std::string reason_of(const Error& error, const std::filesystem::path& file) {
 }
 
 }  // namespace
+
+void require_same_frame(const Tensor& mask, const Tensor& image) {
+    const std::int64_t difference = mask.shape(0) * image.shape(1) - mask.shape(1) * image.shape(0);
+    if (std::abs(difference) > std::max(image.shape(0), image.shape(1)))
+        fail<FileError>("has ", mask.shape(1), " x ", mask.shape(0), " pixels, its image ",
+                        image.shape(1), " x ", image.shape(0), "; the frames must agree");
+}
 
 Tensor known_outside(Tensor unknown) {
     // A drawn edge or the noise of a JPEG is not white.

@@ -32,6 +32,10 @@ struct FaceImage {
 [[nodiscard]] FaceImage read_face_image(const FaceFiles& files,
                                         std::int64_t most_pixels = usual_most_pixels);
 
+/// Masks are often smaller than their images, but must have the same aspect ratio, up to the
+/// rounding of one pixel. Throws FileError, without a file's name, if this one has not.
+void require_same_frame(const Tensor& mask, const Tensor& image);
+
 /// Whether there is a parsing or there are mask parts, from which `read_face_region` can be made.
 [[nodiscard]] bool tells_face_region(const FaceFiles& files);
 /// The face without hair and ears, (height, width, 1) of 0 or 1 at the stored size: from the

@@ -31,12 +31,6 @@ bool is_side(const fs::path& name) {
     return std::ranges::find(names, name.string()) != names.end();
 }
 
-fs::path image_folder(const fs::path& folder) {
-    for (const char* name : image_folders)
-        if (fs::is_directory(folder / name)) return folder / name;
-    return folder;
-}
-
 using PathById = std::map<std::string, fs::path>;
 
 /// How the images of a folder are named.
@@ -141,6 +135,12 @@ void add_eg3d_poses(const fs::path& folder, FolderScan& scan) {
 }
 
 }  // namespace
+
+fs::path image_folder(const fs::path& folder) {
+    for (const char* name : image_folders)
+        if (fs::is_directory(folder / name)) return folder / name;
+    return folder;
+}
 
 bool id_less(const std::string& a, const std::string& b) {
     const bool number_a = is_number(a);

@@ -36,6 +36,9 @@ struct FolderScan {
 /// The order of ids: numbers by value ("2" before "10"), then all other names.
 [[nodiscard]] bool id_less(const std::string& a, const std::string& b);
 
+/// Where scan_folder looks for images: a folder of images in the folder, or that itself.
+[[nodiscard]] std::filesystem::path image_folder(const std::filesystem::path& folder);
+
 /// Lists a folder in the FFHQ format: images (image_files.h) below `images1024x1024`, else
 /// `images`, else CelebAMask-HQ's `CelebA-HQ-img`, else anywhere in the folder except in `masks`,
 /// `parsing` and `unknown`; and next to them `masks/ID.png`, `parsing/ID.png`, `unknown/ID.png`,

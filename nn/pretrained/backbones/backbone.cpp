@@ -44,22 +44,10 @@ struct ResidualBlock {
 class SmallConv : public Backbone {
 public:
     SmallConv(ParameterStore& store, const std::string& prefix, Rng& rng, Depths depths = {})
-        : embed_(store, prefix + "embed", last_side * last_side * widths.back(),
-                 small_conv_channels, {}, rng) {
-        std::int64_t in = 3;
-        for (std::size_t level = 0; level < level_count; ++level) {
-            const std::int64_t out = widths[level];
-            const std::string number = std::to_string(level);
-            layers_.push_back(conv(store, prefix + "conv" + number, in, out, 2, rng));
-            for (int i = 0; i < depths[level]; ++i) {
-                const std::string block =
-                    prefix + "residual" + number + "_" + std::to_string(i) + ".";
-                blocks_[level].push_back({conv(store, block + "first", out, out, 1, rng),
-                                          conv(store, block + "second", out, out, 1, rng)});
-            }
-            in = out;
-        }
-    }
+        : layers_(make_layers(store, prefix, rng)),
+          blocks_(make_blocks(store, prefix, depths, rng)),
+          embed_(store, prefix + "embed", last_side * last_side * widths.back(),
+                 small_conv_channels, {}, rng) {}
 
     [[nodiscard]] Variable operator()(const Variable& image) const override {
         const bool resize = image.shape(1) != image_side || image.shape(2) != image_side;
@@ -93,13 +81,40 @@ public:
     }
 
 private:
+    using Blocks = std::array<std::vector<ResidualBlock>, level_count>;
+
+    static std::vector<ConvLayer> make_layers(ParameterStore& store, const std::string& prefix,
+                                              Rng& rng) {
+        std::vector<ConvLayer> layers;
+        std::int64_t in = 3;
+        for (const std::int64_t out : widths) {
+            const std::string name = prefix + "conv" + std::to_string(layers.size());
+            layers.push_back(conv(store, name, in, out, 2, rng));
+            in = out;
+        }
+        return layers;
+    }
+    static Blocks make_blocks(ParameterStore& store, const std::string& prefix,
+                              const Depths& depths, Rng& rng) {
+        Blocks blocks;
+        for (std::size_t level = 0; level < level_count; ++level) {
+            for (int i = 0; i < depths[level]; ++i) {
+                const std::string name =
+                    prefix + "residual" + std::to_string(level) + "_" + std::to_string(i) + ".";
+                const std::int64_t width = widths[level];
+                blocks[level].push_back({conv(store, name + "first", width, width, 1, rng),
+                                         conv(store, name + "second", width, width, 1, rng)});
+            }
+        }
+        return blocks;
+    }
     static ConvLayer conv(ParameterStore& store, const std::string& name, std::int64_t in,
                           std::int64_t out, int stride, Rng& rng) {
         return {store, name, in, out, {.stride = stride, .scaling = WeightScaling::equalised}, rng};
     }
 
     std::vector<ConvLayer> layers_;
-    std::array<std::vector<ResidualBlock>, level_count> blocks_;
+    Blocks blocks_;
     Linear embed_;
 };
 

@@ -20,8 +20,10 @@ public:
     [[nodiscard]] virtual Variable operator()(const Variable& image) const = 0;
     /// Whether `activations` is implemented.
     [[nodiscard]] virtual bool has_activations() const { return false; }
-    /// Activations of several layers from fine to coarse, (B, h, w, C) each. The image must have a
-    /// side of at least 32 pixels and is not resized. Throws ValueError unless `has_activations()`.
+    /// Activations of several layers from fine to coarse, (B, h, w, C) each, for comparing images.
+    /// Residual blocks are left out, because fits compute them of large images at each step. The
+    /// image must have a side of at least 32 pixels and is not resized. Throws ValueError unless
+    /// `has_activations()`.
     [[nodiscard]] virtual std::vector<Variable> activations(const Variable& image) const;
     [[nodiscard]] virtual std::int64_t embedding_size() const = 0;
     [[nodiscard]] virtual std::int64_t input_side() const = 0;

@@ -198,7 +198,7 @@ TEST_CASE("the hybrid optimizer moves the decoder's hidden matrices by Muon, all
 TEST_CASE("Muon moves the encoder's convolutions as matrices where that is asked", "[muon]") {
     const Shape kernel{16, 3, 3, 20};
     const Variable gradient = Rng(1).normal(kernel, 0.0, 1.0);
-    ParameterStore as_kernel, as_matrix, plain;
+    ParameterStore as_kernel, as_matrix, plain, table, plain_table;
     as_kernel.create("encoder.conv.weight", Tensor::zeros(kernel));
     as_kernel.create("encoder.first.weight", Tensor::zeros({16, 3, 3, 3}));
     as_matrix.create("encoder.conv.weight", Tensor::zeros({16, 180}));
@@ -208,6 +208,13 @@ TEST_CASE("Muon moves the encoder's convolutions as matrices where that is asked
     hybrid.step(as_kernel.all(), std::vector<Variable>{gradient, few}, {.learning_rate = 0.01});
     Muon().step(as_matrix.all(), std::vector<Variable>{reshape(gradient, {16, 180})}, 0.01);
     Adam().step(plain.all(), std::vector<Variable>{few}, 0.01);
+    const std::vector<Variable> rows{Rng(3).normal({20, 16}, 0.0, 1.0)};
+    table.create("codes.offset.id", Tensor::zeros({20, 16}));
+    plain_table.create("codes.offset.id", Tensor::zeros({20, 16}));
+    hybrid.step(table.all(), rows, {.learning_rate = 0.01});
+    Adam().step(plain_table.all(), rows, 0.01);
+    CHECK(test::identical(table.all()[0].variable().value(),
+                          plain_table.all()[0].variable().value()));
     CHECK(as_kernel.all()[0].variable().value().to_vector() ==
           as_matrix.all()[0].variable().value().to_vector());
     CHECK(
