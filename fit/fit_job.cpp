@@ -100,6 +100,7 @@ FittedFaces FitJob::fit(FaceBatch faces, const FitObserver& observer) const {
     FittedFaces done{.faces = std::move(faces)};
     FitOptions options = options_.fit;
     options.one_person = done.faces.cameras.size() > 1;
+    options.end_losses = true;  // which keep_the_better compares
     options.head = head();
     options.on_step = observer.on_fit_step;
     const std::int64_t side = done.faces.targets.back().shape(1);

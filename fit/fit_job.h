@@ -98,8 +98,8 @@ private:
     mutable std::optional<PhotoPreparation> preparation_;
 };
 
-/// The report's members, and "terms": the value of each term of the loss, by name, after the
-/// fit under "fitted" and after tuning under "tuned".
+/// The report's members, and "terms": the value of each term of the loss, by name, at the last step
+/// of the fit under "fitted" and of the tuning under "tuned", whether or not its result was kept.
 [[nodiscard]] JsonValue to_json(const FitReport& report, const FittedFaces& done);
 
 }  // namespace stymo

@@ -26,8 +26,9 @@ void fit_by_adam(FitProblem& problem, const FitOptions& options, double learning
                  FitResult& result) {
     Adam adam;
     for (std::int64_t step = 0; step < options.steps && !interrupted(); ++step) {
-        static_cast<void>(problem.choose_images(step));
-        if (step % options.selection_interval == 0) static_cast<void>(problem.select_samples());
+        const bool other_images = problem.choose_images(step);
+        if (other_images || step % options.selection_interval == 0)
+            static_cast<void>(problem.select_samples());
         problem.choose_side(step);
         FitProblem::Evaluation evaluation = problem.evaluate();
         if (!std::isfinite(evaluation.loss))

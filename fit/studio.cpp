@@ -118,6 +118,7 @@ StudioFace Studio::fit(const Tensor& photo, const FitJobOptions& options,
     PreparedPhoto prepared = prepare_photo(
         photo, "the photo", config, PhotoPreparation(settings_for(config, options.preparation)));
     StudioFace result = state_->run(prepared.face, options, observer);
+    if (options.preparation.pose_network.empty()) result.head = options.head;
     result.warnings.insert(result.warnings.end(), prepared.warnings.begin(),
                            prepared.warnings.end());
     return result;
@@ -132,11 +133,14 @@ StudioFace Studio::tune(const StudioFace& face, double seconds, std::int64_t ste
         fail<ValueError>("tuning needs a limit, in seconds or steps, above 0");
     const SubnormalsFlushed flushed;
     FitJobOptions options = fit_options();
+    options.head = face.head;
     options.fit.initial = face.face.codes;
     options.fit.steps = 0;
     options.tuning.seconds = seconds;
     options.tuning.steps = steps;
-    return state_->run(*face.photo, std::move(options), observer);
+    StudioFace result = state_->run(*face.photo, std::move(options), observer);
+    result.head = face.head;
+    return result;
 }
 
 View Studio::render(const StudioFace& face, const StudioView& view) const {

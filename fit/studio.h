@@ -25,6 +25,8 @@ struct StudioFace {
     std::optional<Face> photo{};
     std::optional<double> psnr{};
     std::vector<std::string> warnings{};
+    /// The head whose depth tuning keeps, as FitJobOptions::head of the fit.
+    std::optional<std::filesystem::path> head{};
 };
 
 /// How a face is looked at.

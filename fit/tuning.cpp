@@ -270,7 +270,7 @@ double part_done(const TuningOptions& options, std::int64_t step, double seconds
     double part = 0.0;
     if (options.steps > 0) part = static_cast<double>(step) / static_cast<double>(options.steps);
     if (options.seconds > 0.0) part = std::max(part, seconds / options.seconds);
-    return part;
+    return std::min(part, 1.0);
 }
 
 }  // namespace

@@ -13,6 +13,7 @@
 #include "nn/known_pixels.h"
 #include "nn/models/code_file.h"
 #include "nn/realtime/view.h"
+#include "train/data/face_image.h"
 
 namespace stymo {
 
@@ -103,18 +104,28 @@ Face read_face(const FaceSource& source, const ModelConfig& config) {
         face.intrinsics = config.camera.intrinsics;
         face.mask = Tensor::full({side, side, 1}, 1.0);
     }
+    Tensor image;
+    const auto require_frame = [&](const Tensor& mask, const std::filesystem::path& file) {
+        try {
+            if (image.defined()) require_same_frame(mask, image);
+        } catch (const Error& error) {
+            fail<FileError>(file.string(), ": ", error.what());
+        }
+    };
     if (!source.images.empty()) {
-        const Tensor image = read_image_of_user(source.images.front());
+        image = read_image_of_user(source.images.front());
         face.photo_side = std::min(image.shape(0), image.shape(1));
         face.image = at_model_side(image, side);
     }
     if (!source.mask.empty()) {
         const Tensor mask = mask_of_user(source.mask);
         require_covering(mask, source.mask.string() + ": ");
+        require_frame(mask, source.mask);
         face.mask = at_model_side(mask, side);
         face.has_mask = true;
     }
     if (const Tensor known = read_known(source); known.defined()) {
+        require_frame(known, source.ignore);
         const Tensor mine = known_at(central_square(known), side, side);
         face.known = face.known.defined() ? where_known(mine, face.known, 0.0).value() : mine;
     }

@@ -126,16 +126,19 @@ void declare_film(Command& command, FilmOptions& options) {
     command
         .option("--first-frame", options.first_frame,
                 "with --video: number of the first frame that counts, from 0")
-        .range(0, 1e9);
+        .range(0, 1e9)
+        .needs("--video");
     command
         .option("--every", options.every,
                 "with --video: takes each frame of this distance, so that a long film takes less "
                 "time")
-        .range(1, 10000);
+        .range(1, 10000)
+        .needs("--video");
     command
         .option("--most-frames", options.most_frames,
                 "with --video: number of frames after which it ends; 0: at the film's end")
-        .range(0, 1e9);
+        .range(0, 1e9)
+        .needs("--video");
 }
 
 std::function<void(const char*, std::int64_t, std::int64_t)> video_progress() {

@@ -19,6 +19,7 @@
 #include "core/io/file.h"
 #include "core/io/json_check.h"
 #include "core/parallel.h"
+#include "train/data/folder_scan.h"
 
 namespace stymo {
 
@@ -48,8 +49,7 @@ void require_same_settings(const fs::path& folder, const std::string& wanted) {
                     ": was begun by another version of the program; give another --out");
 }
 
-/// Calls `visit` with each complete line, its number (from 1) and its offset in bytes, and removes
-/// what follows the last one.
+/// Calls `visit` with each complete line, its number (from 1) and its offset in bytes.
 template <class Visit>
 void visit_whole_lines(const fs::path& file, const Visit& visit) {
     std::istringstream stream(read_file(file));
@@ -60,8 +60,13 @@ void visit_whole_lines(const fs::path& file, const Visit& visit) {
         visit(line, number, whole);
         whole = stream.tellg();
     }
+}
+
+/// Removes what follows the last complete line.
+void cut_partial_line(const fs::path& file) {
+    const std::size_t whole = read_file(file).rfind('\n') + 1;  // 0 without a line break
     std::error_code error;
-    fs::resize_file(file, static_cast<std::uintmax_t>(whole), error);
+    if (fs::file_size(file, error) != whole) fs::resize_file(file, whole, error);
     if (error) fail<FileError>(file.string(), ": cannot be written (", error.message(), ")");
 }
 
@@ -81,6 +86,14 @@ void ResultFolder::require_own(const fs::path& path) {
     if (fs::exists(path) && !fs::exists(path / settings_file) &&
         (!fs::is_directory(path) || !fs::is_empty(path)))
         fail<FileError>(path.string(), ": exists already; choose another folder or remove it");
+}
+
+void ResultFolder::require_apart(const fs::path& path, const fs::path& photos) {
+    const fs::path images = image_folder(photos), root = fs::weakly_canonical(images),
+                   out = fs::weakly_canonical(path);
+    if (std::ranges::mismatch(root, out).in1 == root.end())
+        fail<FileError>(path.string(), ": lies in ", images.string(),
+                        ", so its images would count as photos; choose a folder outside");
 }
 
 ResultFolder::ResultFolder(fs::path path, const Settings& settings, std::string name,
@@ -144,6 +157,7 @@ void ResultFolder::begin() {
     if (ranks_.leads()) {
         require_writable_folder(path_);
         lock_.emplace(path_);
+        for (const fs::path& part : parts()) cut_partial_line(part);
         if (!fs::exists(path_ / settings_file))
             write_file(path_ / settings_file, settings_.text() + "\n");
         remove_temporary_files(path_);

@@ -38,11 +38,15 @@ class ResultFolder {
 public:
     /// Throws FileError if there is something at `path`, unless it is such a folder or is empty.
     static void require_own(const std::filesystem::path& path);
+    /// Throws FileError if `path` is in the folder of photos, which is searched as a whole: what
+    /// is written there would be photos of the next run.
+    static void require_apart(const std::filesystem::path& path,
+                              const std::filesystem::path& photos);
 
-    /// Reads what earlier runs have left. Writes nothing, but removes partial last lines, which a
-    /// crash leaves. The values of `settings` are strings, numbers and booleans. Throws FileError
-    /// if the folder was begun with other settings, naming the first difference, if it has results
-    /// but no settings, and for a line without KEY.
+    /// Reads what earlier runs have left, but for a partial last line, which a crash leaves. Writes
+    /// nothing: another process may work there. The values of `settings` are strings, numbers and
+    /// booleans. Throws FileError if the folder was begun with other settings, naming the first
+    /// difference, if it has results but no settings, and for a line without KEY.
     ResultFolder(std::filesystem::path path, const Settings& settings, std::string name,
                  std::string key, Ranks& ranks);
 
@@ -62,8 +66,8 @@ public:
     /// What must be the same on all ranks, of which each knows `photos`.
     [[nodiscard]] CommonState state(std::span<const std::string> photos) const;
 
-    /// Makes and locks the folder, on rank 0, while the others wait. Throws FileError if another
-    /// process is working in it or it cannot be written.
+    /// Makes and locks the folder, on rank 0, while the others wait, and removes partial lines.
+    /// Throws FileError if another process is working in it or it cannot be written.
     void begin();
     /// Adds a line, which is on the disk when this function returns.
     void append(const JsonValue& line) const;

@@ -333,7 +333,8 @@ int stymo_drive(int argc, char** argv) {
                 "in place of a film: CSV of Live Link Face, or .json of stymo-export arkit")
         .excludes("--video");
     line.option("--rate", options.rate, "with --coefficients: rows, and frames, a second")
-        .range(1, 240);
+        .range(1, 240)
+        .needs("--coefficients");
     line.option("--out", options.out, "the new film, X.mp4").required();
     line.option("--size", options.size,
                 "side of the frames: 64, 128, 256 or 512; 0: the model's resolution")

@@ -166,7 +166,8 @@ void declare_mix(CommandLine& line) {
         .option("--truncation", options->truncation,
                 "scale of the variation of sampled faces: 1 is that of the training faces, 0 gives "
                 "their mean")
-        .range(0, 2);
+        .range(0, 2)
+        .needs("--sample");
     command.option("--samples", options->samples, "samples per ray (default: the model's setting)")
         .range(2, 4096);
     command

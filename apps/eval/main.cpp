@@ -130,6 +130,7 @@ public:
         evaluated.ranks = &ranks;
         if (!options.identity.empty()) evaluated.identity = &identity_.emplace(options.identity);
         if (options.shape) evaluated.shape = &shape_.emplace(options.landmarks, *job_.head());
+        stymo::require_not_read(options.out, {options.data});
         if (!options.out.empty())
             evaluated.folder =
                 &folder_.emplace(options.out, settings_, stymo::model_mark(options.model), ranks);

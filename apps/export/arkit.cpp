@@ -82,6 +82,7 @@ AppResult to_coefficients(const ArkitOptions& options, const ArkitConversion& co
 
 /// Coefficients -> codes: the face with the expression of each row.
 AppResult to_codes(const ArkitOptions& options, const ArkitConversion& conversion, CodeFile face) {
+    require_not_read(options.out, {options.codes, options.coefficients});
     const std::vector<ArkitMoment> rows = read_coefficients(options.coefficients);
     const bool one = options.out.extension() == ".json";
     if (one && rows.size() > 1)

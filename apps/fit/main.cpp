@@ -114,6 +114,10 @@ Faces prepared(const stymo::FitJob& job, const stymo::FaceSource& source, Output
         result.warnings.push_back(std::move(photo.warnings));
     }
     output.begin(result.faces);
+    for (std::size_t i = 0; i < photos.size(); ++i)
+        for (const char* name : {"aligned.png", "overlay.png", "fit.png", "render.png"})
+            stymo::require_not_read(output.of(i) / name,
+                                    {source.images.begin(), source.images.end()});
     for (std::size_t i = 0; i < photos.size(); ++i) {
         stymo::write_image(output.of(i) / "aligned.png", photos[i].aligned);
         stymo::write_image(output.of(i) / "overlay.png", photos[i].overlay);
@@ -231,6 +235,8 @@ stymo::AppResult fit_folder(const Options& options, const stymo::CommandLine& li
 stymo::AppResult fit(const Options& options, const stymo::CommandLine& line) {
     if (!options.images.empty()) return fit_folder(options, line);
     if (!options.video.empty()) {
+        if (options.fit.job_options().tunes())
+            stymo::fail<stymo::UsageError>("--video fits codes alone: leave out --tune");
         // The perceptual term takes longer than it gains in a film.
         stymo::LpipsOptions lpips = options.lpips;
         lpips.perceptual_weight = lpips.perceptual_weight.value_or(0.0);

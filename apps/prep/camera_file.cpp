@@ -63,9 +63,11 @@ const Json& label_of(const Json& labels, const std::string& id) {
 }
 
 Camera camera_from_json(const Json& value, const std::string& id, const Intrinsics& intrinsics) {
+    if (value.is_object() && value.contains("labels"))
+        return camera_from_json(label_of(value["labels"], id), {}, intrinsics);
+    if (!id.empty() && (!value.is_object() || !value.contains("id") || value["id"] != id))
+        fail<FileError>("holds no face with the id ", id);
     if (value.is_object()) {
-        if (value.contains("labels"))
-            return camera_from_json(label_of(value["labels"], id), {}, intrinsics);
         return camera_from_pose(parse_pose((value.contains("pose") ? value["pose"] : value).dump()),
                                 intrinsics);
     }
@@ -97,6 +99,7 @@ Camera camera_in(const std::string& text, const std::string& id, const Intrinsic
         return camera_from_json(*record, id, intrinsics);
     const std::vector<double> numbers = plain_numbers(text);
     if (numbers.empty()) fail<FileError>("neither JSON nor numbers");
+    if (!id.empty()) fail<FileError>("holds no face with the id ", id);
     return camera_from_numbers(numbers, intrinsics);
 }
 

@@ -123,11 +123,13 @@ int stymo_prep(int argc, char** argv) {
         .excludes("--pose-net");
     line.option("--distance", settings.pivot.distance,
                 "with --pose-net: distance of the frontal camera from the head's origin")
-        .range(1, 100);
+        .range(1, 100)
+        .needs("--pose-net");
     line.option("--pivot-depth", settings.pivot.pivot_depth,
                 "with --pose-net: distance from the origin to the point of the face in the middle "
                 "of the photos")
-        .range(-1, 0.99);
+        .range(-1, 0.99)
+        .needs("--pose-net");
     line.flag("--no-overlay", options.no_overlay,
               "do not write the contact sheets overlays/sheet_000.png, ...")
         .keeps_results();

@@ -78,12 +78,13 @@ PhotoOutcome written(const FolderPreparation& folders, PhotoInWork work,
                      const FaceEntry* known) {
     PhotoOutcome outcome{
         work.files->image.lexically_relative(folders.photos).string(), std::move(work.failure), {}};
+    std::string failure;
     for (std::size_t i = 0; i < faces.size(); ++i) {
         std::string id = face_id(work.files->id, i);
         if (i > 0 && photo_ids.contains(id))
             faces[i].failure = "a photo has the id " + id + " of its face " + std::to_string(i + 1);
         if (!faces[i].failure.empty()) {
-            outcome.failure = faces[i].failure;
+            failure = faces[i].failure;
             continue;
         }
         if (!work.doubt.empty()) faces[i].warnings.push_back(work.doubt);
@@ -102,6 +103,7 @@ PhotoOutcome written(const FolderPreparation& folders, PhotoInWork work,
         if (i > 0 || known == nullptr) continue;
         outcome.faces.back().origin = known->origin;
     }
+    if (outcome.failure.empty() && outcome.faces.empty()) outcome.failure = std::move(failure);
     return outcome;
 }
 
@@ -112,7 +114,9 @@ PreparationRun::PreparationRun(FolderPreparation folders, const PhotoPreparation
     : folders_(std::move(folders)),
       preparation_(preparation),
       ranks_(ranks),
-      scan_((ResultFolder::require_own(folders_.out), scan_folder(folders_.photos))),
+      scan_((ResultFolder::require_own(folders_.out),
+             ResultFolder::require_apart(folders_.out, folders_.photos),
+             scan_folder(folders_.photos))),
       results_(folders_.out, settings, "progress", "file", ranks) {
     for (const FaceFiles& files : scan_.faces) {
         // Finds out whether there is a detector.

@@ -130,6 +130,9 @@ void declare_pose_command(Command& command, PoseCommand& options) {
 
 AppResult convert_pose(const PoseCommand& options) {
     if (options.draw) require_extension(*options.draw, {".png", ".jpg"});
+    for (const auto& written : {options.out, options.draw})
+        for (const auto& read : {options.input, options.photo})
+            if (written && read) require_not_read(*written, {*read});
     const Camera camera = camera_of(options);
     const JsonValue json = to_json(camera);
     const Tensor drawing = options.draw ? drawing_of(camera, options) : Tensor();

@@ -126,7 +126,10 @@ void declare_view(stymo::Command& line, stymo::RenderOptions& options) {
 
 void declare_jobs(stymo::Command& line, stymo::RenderOptions& options) {
     line.option("--orbit", options.orbit, "number of frames of an orbit around the head")
-        .range(0, 10000);
+        .range(0, 10000)
+        .excludes("--yaw")
+        .excludes("--pitch")
+        .excludes("--roll");
     line.option("--orbit-yaw", options.orbit_yaw,
                 "largest yaw of the orbit to either side, in degrees")
         .range(0, 180);
@@ -144,10 +147,12 @@ void declare_jobs(stymo::Command& line, stymo::RenderOptions& options) {
         .needs("--to");
     line.option("--grid-yaw", options.grid_yaw,
                 "FROM:TO:COUNT in degrees: a sheet of views, yaw from left to right")
+        .excludes("--yaw")
         .excludes("--orbit")
         .excludes("--to");
     line.option("--grid-pitch", options.grid_pitch,
                 "FROM:TO:COUNT in degrees: a sheet of views, pitch from top to bottom")
+        .excludes("--pitch")
         .excludes("--orbit")
         .excludes("--to");
     line.option("--sample", options.sample,

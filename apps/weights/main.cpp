@@ -52,6 +52,7 @@ stymo::AppResult widen(const fs::path& in, const fs::path& out,
             "widen needs --set, such as --set decoder.field_width=192 (stymo-weights widen "
             "--help)");
     stymo::require_folder_of(out);
+    stymo::require_not_read(out, {in});
     stymo::widen_model(in, out, settings);
     return written(out);
 }
@@ -59,6 +60,7 @@ stymo::AppResult widen(const fs::path& in, const fs::path& out,
 stymo::AppResult publish(const fs::path& in, const fs::path& out) {
     stymo::require_extension(out, {".safetensors"});
     stymo::require_folder_of(out);
+    stymo::require_not_read(out, {in});
     stymo::publish_model(in, out);
     return written(out);
 }

@@ -234,6 +234,9 @@ FaceCrop PhotoPreparation::Implementation::crop_at(const Alignment& alignment, b
     crop.faces = face.faces;
     crop.side_in_photo = crop.was_aligned ? static_cast<double>(width) : alignment.side();
     crop.share_outside = crop.was_aligned ? 0.0 : share_outside(alignment, width, height);
+    // A crop far away would need more memory than there is.
+    constexpr double hardly_inside = 0.98;
+    if (crop.share_outside > hardly_inside) fail<ValueError>("its face lies outside the photo");
     const auto cut = [&](const Tensor& from, std::int64_t side) {
         return crop.was_aligned ? resized(from, side)
                                 : aligned_crop(from, alignment, side, sides.samples_of_a_pixel);

@@ -388,10 +388,12 @@ TEST_CASE("An evaluation goes on where it was stopped, without the line that was
     const fs::path file = scratch.path() / "out/scores.jsonl";
     const std::string two_lines = read_file(file);
     std::ofstream(file, std::ios::app) << R"({"id":"00002","head":{"ini)";
+    const std::string cut_off = read_file(file);
     ScoreFolder folder(scratch.path() / "out", settings, "5", alone);
     CHECK(folder.score("00001").id == "00001");
     CHECK_FALSE(folder.results().contains("00002"));
-    CHECK(read_file(file) == two_lines);
+    // Another process may be writing the line.
+    CHECK(read_file(file) == cut_off);
     tiny.options.folder = &folder;
     tiny.options.range = {0, 2};
     const Evaluation continued = tiny.run();

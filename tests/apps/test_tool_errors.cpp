@@ -5,6 +5,7 @@
 #include "apps/tiny_run.h"
 #include "apps/tool_run.h"
 #include "core/io/file.h"
+#include "core/io/image.h"
 
 namespace tool_error_tests {
 
@@ -73,6 +74,8 @@ TEST_CASE("Wrong usage of a tool exits with 2") {
         {fit + "--data faces", "--id"},
         {fit + "--id 00001", "--data"},
         {fit + "--video film.avi --face 2", "--video"},
+        {fit + "--video film.avi --tune 5", "leave out --tune"},
+        {fit + "--image faces/images/00000.png --as-is --every 2", "--video"},
         {fit + "--video film.avi --mask faces/images/00000.png", "--video"},
         {fit + "--image faces/images/00000.png --as-is --steps -1", "--steps"},
         {fit + "--image faces/images/00000.png --as-is --learning-rate nan", "--learning-rate"},
@@ -83,9 +86,18 @@ TEST_CASE("Wrong usage of a tool exits with 2") {
         {render + "--out out", "out"},
         {render + "--out out.png --orbit 3", "out.png"},
         {render + "--out out.png --yaw nan", "--yaw"},
+        {render + "--out out.gif --orbit 3 --yaw 20", "--yaw"},
+        {render + "--out out.png --grid-yaw -5:5:2 --yaw 20", "--yaw"},
+        {"stymo-drive --codes fit/codes.json --out out.mp4 --video film.avi --rate 30",
+         "--coefficients"},
+        {"stymo-edit mix --target fit/codes.json --source fit/codes.json --truncation 1 --out out",
+         "--sample"},
+        {"stymo-prep --photos faces --out out --distance 5", "--pose-net"},
+        {"stymo-weights publish run/model.safetensors run/model.safetensors", "which is read"},
         {render + "--out out.png --yaw 200", "--yaw"},
         {render + "--out out.png --size 513", "--size"},
         {eval + "--ids 5-2", "5-2"},
+        {eval + "--out faces", "which is read"},
         {eval + "--ids all", "all"},
         {eval + "--split rest", "--split"},
         {eval + "--region nose", "--region"},
@@ -102,6 +114,7 @@ TEST_CASE("Wrong usage of a tool exits with 2") {
 TEST_CASE("Inputs that are missing, empty or something else are named") {
     const std::string fit = "stymo-fit --model run/model.safetensors --out out ";
     const std::string photo = "--image faces/images/00000.png --out out";
+    stymo::write_image(tiny_run() / "wide.png", stymo::Tensor::full({32, 64, 3}, 1.0));
     const std::vector<BadCall> calls = {
         {"stymo-synth --out out --morphable none", "none: "},
         {"stymo-synth --out out --morphable run/model.safetensors", "run/model.safetensors: "},
@@ -109,6 +122,7 @@ TEST_CASE("Inputs that are missing, empty or something else are named") {
         {"stymo-prep --photos empty --out out", "empty: no images"},
         {"stymo-prep --photos faces --out out --pose-net text.png", "text.png: "},
         {"stymo-prep --photos faces --out run", "run: exists already"},
+        {"stymo-prep --photos faces --out faces/images/new", "lies in faces/images"},
         {"stymo-train --config none.json --data faces --out out", "none.json: "},
         {"stymo-train --config text.png --data faces --out out", "text.png: "},
         {"stymo-train --config tiny.json --data none --out out", "none: no such folder"},
@@ -127,6 +141,7 @@ TEST_CASE("Inputs that are missing, empty or something else are named") {
         {fit + "--image cut.jpg", "cut.jpg: "},
         {fit + "--image faces/images/00000.png --mask zero.png",
          "zero.png: not an image (zero bytes)"},
+        {fit + "--image faces/images/00000.png --mask wide.png", "wide.png: has 64 x 32 pixels"},
         {fit + "--image faces/images/00000.png --pose tiny.json", "tiny.json: "},
         {fit + "--data empty --id 1", "empty: "},
         {fit + "--data faces --id 77", "77"},

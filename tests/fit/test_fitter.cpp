@@ -203,6 +203,33 @@ TEST_CASE(
     }
 }
 
+TEST_CASE("a fit from coarse to fine of a model with a ray for each pixel", "[fitter]") {
+    ModelConfig config = tiny_model_config();
+    config.decoder.resolution = 32;
+    config.decoder.block_channels = {6, 4};
+    config.decoder.conditioning = "concatenation";
+    config.decoder.render = "none";
+    config.decoder.mapping_layers = 0;
+    config.reconstruction.resolution_weights = {0.5, 2.0};
+    Rng rng(1);
+    Model model(config, rng);
+    model.parameters().set_trainable("", false);
+    FaceBatch target;
+    target.input = rng.uniform({1, 32, 32, 3}, -1.0, 1.0);
+    target.cameras = {model_camera(model, 0.1, 0.0, 0.0)};
+    for (const Variable& image :
+         model.decoder()(random_codes(1, 7), target.cameras, {.samples_per_ray = samples}).images)
+        target.targets.push_back(image.value());
+    // The image grows at a step after which the samples would stay for another two.
+    const FitOptions options{.steps = 8,
+                             .weights = {.regularizer = 0.0, .depth = 0.0},
+                             .selection_interval = 4,
+                             .coarse_steps = 6};
+    const FitResult result = fit_codes(model, loss_of(model), target, options);
+    CHECK(result.losses.size() == 8);
+    CHECK(result.final_loss < result.initial_loss);
+}
+
 TEST_CASE("faces fitted together come out as each alone", "[fitter]") {
     const Model model = frozen_model();
     const FaceBatch target = target_of(model, random_codes(3, 8, 1.0, DType::float64));
