@@ -234,10 +234,11 @@ FaceCrop PhotoPreparation::Implementation::crop_at(const Alignment& alignment, b
     crop.faces = face.faces;
     crop.side_in_photo = crop.was_aligned ? static_cast<double>(width) : alignment.side();
     crop.share_outside = crop.was_aligned ? 0.0 : share_outside(alignment, width, height);
-    // A crop far away would need more memory than there is.
+    // A crop far away, which is refused in the end, could need more memory than there is.
     constexpr double hardly_inside = 0.98;
-    if (crop.share_outside > hardly_inside) fail<ValueError>("its face lies outside the photo");
+    const bool is_far = crop.share_outside > hardly_inside;
     const auto cut = [&](const Tensor& from, std::int64_t side) {
+        if (is_far) return Tensor::zeros({side, side, from.shape(2)});
         return crop.was_aligned ? resized(from, side)
                                 : aligned_crop(from, alignment, side, sides.samples_of_a_pixel);
     };
@@ -247,6 +248,7 @@ FaceCrop PhotoPreparation::Implementation::crop_at(const Alignment& alignment, b
                                 : aligned_landmarks(face.landmarks, alignment, side);
     };
     const auto known_pixels = [&](std::int64_t side) {
+        if (is_far) return Tensor::zeros({side, side, 1});
         return crop.was_aligned ? known_at(of_photo.known, side, side)
                                 : known_crop(alignment, side, height, width, of_photo.known);
     };

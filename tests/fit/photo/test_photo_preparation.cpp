@@ -232,6 +232,9 @@ TEST_CASE("a face of few pixels, points that are no face, and a profile are refu
     for (auto& point : beside.image.landmarks) point[0] += 1e5;
     CHECK(failure_of(beside) ==
           "its face is cut off (100 percent of the crop lie outside the photo)");
+    RenderedHead far = with_margin(rendered_head(5, 256), 100);
+    for (auto& point : far.image.landmarks) point += Eigen::Vector2d(1e7, 1e7);
+    CHECK(failure_of(far) == "its face is cut off (100 percent of the crop lie outside the photo)");
     const RenderedHead covered = with_margin(rendered_head(5, 256), 100);
     const Tensor nothing = Tensor::zeros({456, 456, 1});
     CHECK(preparation
