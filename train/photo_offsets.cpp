@@ -58,17 +58,13 @@ PhotoOffsets::PhotoOffsets(const std::vector<std::string>& ids, const PhotoOffse
 void PhotoOffsets::load(const TensorFile& file, const std::string& source) {
     for (const char* prefix : {code_prefix, pose_prefix})
         if (has_prefix(file, prefix)) parameters_.load(file, source, prefix);
-    for (const Parameter& parameter : parameters_.all()) {
-        // By the whole name, since that of a source may begin with that of another one.
-        const auto found = file.tensors.find(parameter.name());
-        if (!parameter.name().starts_with(source_prefix) || found == file.tensors.end()) continue;
-        TensorFile one;
-        one.tensors.insert(*found);
-        ParameterStore checked;
-        checked.create(parameter.name(), parameter.variable().value());
-        checked.load(one, source);
-        parameter.set_value(checked.all().front().variable().value());
-    }
+    // Sources that the file lacks keep their values.
+    TensorFile of_sources;
+    parameters_.save(of_sources, source_prefix);
+    for (auto& [name, value] : of_sources.tensors)
+        if (const auto found = file.tensors.find(name); found != file.tensors.end())
+            value = found->second;
+    parameters_.load(of_sources, source, source_prefix);
 }
 
 std::vector<std::int64_t> PhotoOffsets::rows_of(const FaceBatch& batch, bool mirrored) const {

@@ -103,6 +103,16 @@ struct Faces {
     std::vector<std::vector<std::string>> warnings;
 };
 
+/// Throws UsageError if an output would replace a photo, a mask, or the report of a data set.
+void require_inputs_kept(const Options& options) {
+    std::vector<std::filesystem::path> inputs{options.face.images.begin(),
+                                              options.face.images.end()};
+    inputs.insert(inputs.end(), {options.face.mask, options.face.ignore});
+    for (const char* name : {"aligned.png", "overlay.png", "fit.png", "render.png"})
+        stymo::require_not_read(options.out / name, inputs);
+    stymo::require_not_read(options.out, {options.face.data});
+}
+
 /// Prepares the photos and shows the results before the fit, which takes longer.
 Faces prepared(const stymo::FitJob& job, const stymo::FaceSource& source, Output& output) {
     stymo::warn_without_landmark_network(job.options().preparation);
@@ -114,10 +124,6 @@ Faces prepared(const stymo::FitJob& job, const stymo::FaceSource& source, Output
         result.warnings.push_back(std::move(photo.warnings));
     }
     output.begin(result.faces);
-    for (std::size_t i = 0; i < photos.size(); ++i)
-        for (const char* name : {"aligned.png", "overlay.png", "fit.png", "render.png"})
-            stymo::require_not_read(output.of(i) / name,
-                                    {source.images.begin(), source.images.end()});
     for (std::size_t i = 0; i < photos.size(); ++i) {
         stymo::write_image(output.of(i) / "aligned.png", photos[i].aligned);
         stymo::write_image(output.of(i) / "overlay.png", photos[i].overlay);
@@ -245,6 +251,7 @@ stymo::AppResult fit(const Options& options, const stymo::CommandLine& line) {
                                 options.video_fit);
     }
     stymo::require_photo(options.face);
+    require_inputs_kept(options);
     const stymo::Fitting fitting(options.model, options.lpips, job_options(options));
     const stymo::FitJob& job = fitting.job;
     Output output(options.out, fitting.mark);

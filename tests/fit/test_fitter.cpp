@@ -164,6 +164,21 @@ TEST_CASE("L-BFGS fits poses and several photos of one person, and stops where n
                     NumericError);
 }
 
+namespace {
+
+/// A face of 32 pixels with its smaller images.
+FaceBatch target_of_all_sides(const Model& model, Rng& rng) {
+    FaceBatch target;
+    target.input = rng.uniform({1, 32, 32, 3}, -1.0, 1.0);
+    target.cameras = {model_camera(model, 0.1, 0.0, 0.0)};
+    for (const Variable& image :
+         model.decoder()(random_codes(1, 7), target.cameras, {.samples_per_ray = samples}).images)
+        target.targets.push_back(image.value());
+    return target;
+}
+
+}  // namespace
+
 TEST_CASE(
     "the first steps of a fit from coarse to fine compare small images, and the loss of the last "
     "ones is the usual one",
@@ -175,12 +190,7 @@ TEST_CASE(
     Rng rng(1);
     Model model(config, rng);
     model.parameters().set_trainable("", false);
-    FaceBatch target;
-    target.input = rng.uniform({1, 32, 32, 3}, -1.0, 1.0);
-    target.cameras = {model_camera(model, 0.1, 0.0, 0.0)};
-    for (const Variable& image :
-         model.decoder()(random_codes(1, 7), target.cameras, {.samples_per_ray = samples}).images)
-        target.targets.push_back(image.value());
+    const FaceBatch target = target_of_all_sides(model, rng);
     REQUIRE(target.targets.size() == 2);
     FaceBatch small = target;
     small.targets.pop_back();
@@ -214,12 +224,7 @@ TEST_CASE("a fit from coarse to fine of a model with a ray for each pixel", "[fi
     Rng rng(1);
     Model model(config, rng);
     model.parameters().set_trainable("", false);
-    FaceBatch target;
-    target.input = rng.uniform({1, 32, 32, 3}, -1.0, 1.0);
-    target.cameras = {model_camera(model, 0.1, 0.0, 0.0)};
-    for (const Variable& image :
-         model.decoder()(random_codes(1, 7), target.cameras, {.samples_per_ray = samples}).images)
-        target.targets.push_back(image.value());
+    const FaceBatch target = target_of_all_sides(model, rng);
     // The image grows at a step after which the samples would stay for another two.
     const FitOptions options{.steps = 8,
                              .weights = {.regularizer = 0.0, .depth = 0.0},
