@@ -138,6 +138,8 @@ std::optional<Face> turned_face(const Face& face, const MorphableHead& head, dou
     Face result = face;
     result.pose = pose_from_camera(camera);
     result.image = turned.image;
+    // Cubic interpolation overshoots.
+    for (float& value : result.image.mutable_values<float>()) value = std::clamp(value, 0.0F, 1.0F);
     // Where the weight is below 1 the colour is mixed with that of an empty view.
     result.mask = Tensor::zeros(face.mask.shape());
     for (std::int64_t i = 0; i < side * side; ++i)

@@ -95,6 +95,9 @@ TEST_CASE("a turned face looks like the head from there", "[turned_face]") {
         CHECK(shown < 0.3);
         CHECK(turned->id == photo.id);
         CHECK(turned->code == photo.code);
+        const auto [least, most] = std::ranges::minmax(turned->image.values<float>());
+        CHECK(least >= 0.0F);
+        CHECK(most <= 1.0F);
         const Background background = background_of(*turned);
         CHECK(background.share > 0.1);
         CHECK(background.wrong < 0.005 * background.share);
