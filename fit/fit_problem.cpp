@@ -11,6 +11,7 @@
 #include "core/ops/ops.h"
 #include "nn/image_augmentation.h"
 #include "nn/known_pixels.h"
+#include "nn/models/camera_problem.h"
 #include "nn/models/identity_network.h"
 #include "nn/models/significant_rows.h"
 #include "nn/realtime/view.h"
@@ -90,9 +91,14 @@ FitProblem::FitProblem(const Model& model, const ReconstructionLoss& loss, const
         photo_embeddings_ =
             face_embeddings(faces.targets.back(), faces.cameras, faces.known).value();
     for (std::size_t i = 0; i < sides_.size() && photo_embeddings_.defined(); ++i) {
+        std::vector<Camera> cameras;
         for (const Camera& camera : faces.cameras)
-            sides_[i].cameras.push_back(
-                turned_about_head(camera, i == 0 ? -side_yaw : side_yaw, 0.0));
+            cameras.push_back(turned_about_head(camera, i == 0 ? -side_yaw : side_yaw, 0.0));
+        if (std::ranges::any_of(cameras, [&](const Camera& camera) {
+                return camera_problem(model.config().decoder, camera).has_value();
+            }))
+            continue;
+        sides_[i].cameras = std::move(cameras);
         sides_[i].decode.samples_per_ray = decode_.samples_per_ray;
         sides_[i].decode.resolution = faces.targets.front().shape(1);
         for (const Tensor& images : faces.targets)
@@ -151,6 +157,7 @@ void FitProblem::choose_side(std::int64_t step) {
     side_ = nullptr;
     if (!photo_embeddings_.defined() || step % 2 == 0) return;
     Side& side = sides_[static_cast<std::size_t>(step / 2 % 2)];
+    if (side.cameras.empty()) return;
     side_ = &side;
     if (options_.tolerance > 0.0 && !side.decode.significant_samples.defined())
         side.decode.significant_samples = significant_samples(

@@ -82,7 +82,7 @@ private:
     Tensor photo_embeddings_;  ///< undefined without the identity term
     /// How the faces are seen from the left and from the right.
     struct Side {
-        std::vector<Camera> cameras;
+        std::vector<Camera> cameras;  ///< empty if the model cannot render one of them
         DecodeOptions decode;
     };
     std::array<Side, 2> sides_;

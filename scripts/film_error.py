@@ -59,10 +59,11 @@ def main():
         return json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
 
     def row(name, result):
-        cells = [result.get(key, math.nan) for key in
+        # Null: no frame showed what was to be measured.
+        cells = [result.get(key) for key in
                  ("mouth_error", "face_error", "identity", "jitter", "jitter_given",
                   "frames_a_second")]
-        print("|", " | ".join([name, *("" if math.isnan(x) else f"{x:.2f}" for x in cells)]), "|",
+        print("|", " | ".join([name, *("" if x is None else f"{x:.2f}" for x in cells)]), "|",
               flush=True)
 
     subprocess.run([o.bin / "stymo-render", "--sample", "4", "--seed", "3", "--truncation", "0.8",

@@ -125,8 +125,10 @@ ValidationScore validation_score(const Model& model, const ReconstructionLoss& r
             masked_image(display_image(where_known(known, decoded.images.back(), -1.0).value(), 0),
                          display_mask(mask, 0));
         // Mean over the known pixels, where alone both differ.
-        sum.psnr += peak_signal_to_noise_ratio(image, display_image(target.images.back(), 0)) +
-                    10.0 * std::log10(known_share(known));
+        const Tensor photo =
+            masked_image(display_image(target.images.back(), 0), display_mask(mask, 0));
+        sum.psnr +=
+            peak_signal_to_noise_ratio(image, photo) + 10.0 * std::log10(known_share(known));
     }
     const auto faces_scored = static_cast<double>(std::max<std::int64_t>(scored, 1));
     return {sum.reconstruction / faces_scored, sum.psnr / faces_scored};

@@ -55,7 +55,7 @@ Trainer::Trainer(const TrainConfig& config, const Dataset& training, const Datas
       rng_(seed),
       schedule_(config),
       images_(training, config.data, rng_, resolution_ladder(config.model.decoder).smallest(),
-              config.stage1.batch),
+              config.stage1.batch, camera_check(config.model.decoder, config.data.mirror)),
       model_(initial_model(config.model, rng_)),
       reconstruction_(config.model.reconstruction) {
     if (uses_encoder(config.model)) require_backbone_weights(config.model.encoder);

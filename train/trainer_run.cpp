@@ -57,6 +57,8 @@ public:
     [[nodiscard]] TrainingOutcome finish();
 
 private:
+    /// Says how many photos can be used as the shares in DataConfig ask.
+    void announce_photos();
     [[nodiscard]] std::int64_t images_done() const {
         return trainer_.schedule_.images_before(trainer_.state_.step);
     }
@@ -100,12 +102,23 @@ Trainer::Run::Run(Trainer& trainer, const RunFolder* folder, const TrainingLimit
     if (folder_ == nullptr) return;
     folder_->forget_statistics_after(trainer_.state_.step);
     announce_lpips(trainer_.reconstruction_.lpips(), *folder_, progress_);
-    if (trainer_.config_.data.other_photo == 0.0) return;
-    const std::string partners = std::to_string(trainer_.images_.photos_with_partner()) + " of " +
-                                 std::to_string(trainer_.training_.size()) +
-                                 " photos have another one of the same person";
-    folder_->log("data.other_photo: " + partners);
-    progress_.message("data.other_photo: " + partners);
+    announce_photos();
+}
+
+void Trainer::Run::announce_photos() {
+    const auto announce = [this](double share, const char* key, std::int64_t photos,
+                                 const char* what) {
+        if (share == 0.0) return;
+        const std::string text = std::string(key) + ": " + std::to_string(photos) + " of " +
+                                 std::to_string(trainer_.training_.size()) + " photos " + what;
+        folder_->log(text);
+        progress_.message(text);
+    };
+    const DataConfig& data = trainer_.config_.data;
+    announce(data.other_photo, "data.other_photo", trainer_.images_.photos_with_partner(),
+             "have another one of the same person");
+    announce(data.turned_photos, "data.turned_photos", trainer_.images_.photos_to_turn(),
+             "have a pose and a code, so that they can be shown turned");
 }
 
 bool Trainer::Run::time_is_up() {

@@ -160,6 +160,19 @@ OptionRules Command::declare(CLI::Option* option, std::function<JsonValue()> val
     return OptionRules(declared_->emplace_back(DeclaredOption{option, std::move(value)}));
 }
 
+OptionRules Command::refine(const std::string& name) {
+    const CLI::Option* const option = app_->get_option(name);
+    const auto declared = std::ranges::find(*declared_, option, &DeclaredOption::option);
+    return OptionRules(*declared);
+}
+
+void Command::requiring(const std::string& name, const std::function<void()>& declare) {
+    const auto before = std::ssize(*declared_);
+    declare();
+    std::for_each(declared_->begin() + before, declared_->end(),
+                  [&name](const DeclaredOption& declared) { declared.option->needs(name); });
+}
+
 Settings Command::settings() const {
     Settings settings;
     for (const DeclaredOption& declared : *declared_)

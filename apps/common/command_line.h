@@ -95,6 +95,10 @@ public:
     template <class T>
     OptionRules option(const std::string& name, T& target, const std::string& help);
     OptionRules flag(const std::string& name, bool& target, const std::string& help);
+    /// Refines an option that was declared before.
+    OptionRules refine(const std::string& name);
+    /// All options that `declare` declares require the option `name`.
+    void requiring(const std::string& name, const std::function<void()>& declare);
 
     /// Every option on which the result can depend, with the present value of its target, in the
     /// order of declaration: those that are not marked with `keeps_results`. Names of files are

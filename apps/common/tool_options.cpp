@@ -85,6 +85,10 @@ void declare_preparation_files(Command& command, PhotoPreparationSettings& setti
                    "network that finds head masks, written by stymo-train --head-mask (default: "
                    "the network that comes with stymo)");
     declare_landmark_files(command, settings);
+    command
+        .option("--max-pixels", settings.most_pixels,
+                "unprepared photos with more pixels are refused")
+        .range(1, 1e12);
 }
 
 void declare_landmark_files(Command& command, PhotoPreparationSettings& settings) {
@@ -98,10 +102,6 @@ void declare_landmark_files(Command& command, PhotoPreparationSettings& settings
     command.option("--pose-net", settings.pose_network,
                    "pose network in an ONNX file, 3DDFA_V2 or 6DRepNet; its pose replaces that of "
                    "the fitted head, whose depth a fit is then not drawn to");
-    command
-        .option("--max-pixels", settings.most_pixels,
-                "unprepared photos with more pixels are refused")
-        .range(1, 1e12);
 }
 
 void warn_without_landmark_network(const PhotoPreparationSettings& settings) {

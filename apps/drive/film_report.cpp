@@ -23,7 +23,7 @@ void LandmarkJitter::add(const std::optional<Landmarks>& landmarks) {
 }
 
 double LandmarkJitter::mean() const {
-    return sum_ / static_cast<double>(std::max<std::int64_t>(1, count_));
+    return sum_ / static_cast<double>(count_);
 }
 
 LandmarkError landmark_error(const std::filesystem::path& film, const std::filesystem::path& truth,
@@ -48,9 +48,8 @@ LandmarkError landmark_error(const std::filesystem::path& film, const std::files
         error.face += distance(0);
         ++error.frames;
     }
-    const double count = static_cast<double>(std::max<std::int64_t>(1, error.frames));
-    error.mouth /= count;
-    error.face /= count;
+    error.mouth /= static_cast<double>(error.frames);
+    error.face /= static_cast<double>(error.frames);
     return error;
 }
 

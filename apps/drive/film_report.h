@@ -17,7 +17,7 @@ class LandmarkJitter {
 public:
     /// The landmarks of the next frame; nothing where there is no face, or a new shot begins.
     void add(const std::optional<Landmarks>& landmarks);
-    /// 0 without three frames one after the other.
+    /// NaN without three frames one after the other.
     [[nodiscard]] double mean() const;
 
 private:
@@ -28,7 +28,7 @@ private:
 
 /// Mean distances of landmarks in percent of the distance of the eyes.
 struct LandmarkError {
-    double mouth = 0.0, face = 0.0;  ///< of the points 48 to 67, and of all
+    double mouth = 0.0, face = 0.0;  ///< of the points 48 to 67, and of all; NaN without frames
     std::int64_t frames = 0;         ///< that show a face in both films
 };
 /// Compares the frames of two films one by one, up to the end of the shorter one.

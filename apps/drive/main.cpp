@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <iomanip>
 #include <iostream>
@@ -212,14 +213,26 @@ void add_measures(const Options& options, const Measures& measures,
     if (!options.truth.empty()) {
         const stymo::LandmarkError error =
             stymo::landmark_error(options.out, options.truth, *detector);
-        text << "\nlandmarks: mouth " << error.mouth << " and face " << error.face
-             << " percent of the distance of the eyes from " << options.truth.string() << " in "
-             << error.frames << " frames";
-        result.json.add("mouth_error", error.mouth).add("face_error", error.face);
+        if (error.frames == 0)
+            text << "\nlandmarks: no frame shows a face in " << options.truth.string()
+                 << " and in the new film";
+        else
+            text << "\nlandmarks: mouth " << error.mouth << " and face " << error.face
+                 << " percent of the distance of the eyes from " << options.truth.string() << " in "
+                 << error.frames << " frames";
+        // NaN becomes null.
+        result.json.add("mouth_error", error.mouth)
+            .add("face_error", error.face)
+            .add("compared_frames", error.frames);
     }
     if (options.measure) {
-        text << "\nacceleration of landmarks: " << measures.driven.mean()
-             << " percent of the distance of the eyes, in the given film " << measures.film.mean();
+        const auto percent = [](double mean) {
+            return std::isnan(mean)
+                       ? std::string("unknown, no three frames in a row show a face")
+                       : stymo::decimal(mean, 2) + " percent of the distance of the eyes";
+        };
+        text << "\nacceleration of landmarks: " << percent(measures.driven.mean())
+             << "; in the given film: " << percent(measures.film.mean());
         result.json.add("jitter", measures.driven.mean()).add("jitter_given", measures.film.mean());
     }
     if (measures.compared > 0) {
@@ -297,6 +310,9 @@ stymo::AppResult drive_by_coefficients(const Options& options, const stymo::Mode
 stymo::AppResult drive(const Options& options) {
     if (options.video.empty() == options.coefficients.empty())
         stymo::fail<stymo::UsageError>("give --video or --coefficients");
+    if (options.video.empty() && options.truth.empty() &&
+        options.preparation.landmark_model != stymo::shipped_landmark_network())
+        stymo::fail<stymo::UsageError>("--landmarks requires --video or --truth");
     stymo::require_extension(options.out, {".mp4"});
     if (options.video.empty()) stymo::require_extension(options.coefficients, {".csv", ".json"});
     stymo::require_folder_of(options.out);
@@ -305,9 +321,13 @@ stymo::AppResult drive(const Options& options) {
         stymo::require_folder_of(options.sheet);
     }
     stymo::require_not_read(options.out, {options.video, options.truth});
-    if (!options.truth.empty()) static_cast<void>(stymo::FilmReader(options.truth));
+    for (const fs::path& film : {options.truth, options.video})
+        if (!film.empty()) static_cast<void>(stymo::FilmReader(film));
     stymo::CodeFile face = stymo::read_own_codes(options.codes, options.model);
     const stymo::Model model = stymo::load_model({options.model.file, {}});
+    // A film takes long to read.
+    if (options.size > 0) static_cast<void>(model.decoder().ladder().count_up_to(options.size));
+    if (!options.identity.empty()) static_cast<void>(stymo::IdentityNetwork(options.identity));
     std::optional<stymo::Model> tuned;
     if (!options.model.tuned.empty())
         tuned.emplace(stymo::load_model(options.model, stymo::ModelParts::decoder));
@@ -360,5 +380,6 @@ int stymo_drive(int argc, char** argv) {
                 "the face stays the same person");
     stymo::declare_film(line, options.film);
     stymo::declare_landmark_files(line, options.preparation);
+    line.refine("--pose-net").needs("--video");
     return line.run(argc, argv, [&](const stymo::CommonOptions&) { return drive(options); });
 }

@@ -67,14 +67,17 @@ ParsingClassSet parts_of(const std::string& text) {
     ParsingClassSet parts{};
     const auto add = [&](const std::string& name) {
         const auto found = std::ranges::find(parsing_class_names, name);
-        if (found == parsing_class_names.end()) {
+        const auto index = static_cast<int>(found - parsing_class_names.begin());
+        if (!is_head_class(index)) {
             std::string names;
-            for (const char* known : parsing_class_names)
-                names += std::string(names.empty() ? "" : ", ") + known;
+            for (int known = 0; known < parsing_class_count; ++known)
+                if (is_head_class(known))
+                    names += std::string(names.empty() ? "" : ", ") +
+                             parsing_class_names[static_cast<std::size_t>(known)];
             fail<UsageError>("--part ", text, ": \"", name,
                              "\" is no part of a head; there are lips, ", names);
         }
-        parts[static_cast<std::size_t>(found - parsing_class_names.begin())] = true;
+        parts[static_cast<std::size_t>(index)] = true;
     };
     std::istringstream stream(text);
     for (std::string name; std::getline(stream, name, '+');) {
@@ -209,7 +212,7 @@ void declare_color(CommandLine& line) {
     command.option("--codes", options->codes, "codes.json of a fit").required();
     command
         .option("--part", options->part,
-                "hair, skin, lips, any class of CelebAMask-HQ, or several joined by +")
+                "hair, skin, lips, any class of a head in CelebAMask-HQ, or several joined by +")
         .required();
     command.option("--color", options->color, "target colour, such as '#a03020'").required();
     command

@@ -1,5 +1,7 @@
 #include <algorithm>
+#include <cmath>
 #include <iomanip>
+#include <iostream>
 #include <numeric>
 #include <sstream>
 #include <vector>
@@ -63,6 +65,16 @@ struct Photos {
     std::vector<Camera> cameras;
 };
 
+/// The features of a face. Embeddings have unit length. The kernel expects numbers of about 1, or
+/// it would compare little more than means.
+std::vector<double> features_of(const IdentityMeasure& measure, const Tensor& image,
+                                const Camera& camera, const CameraConfig& model) {
+    std::vector<double> features = measure.embedding(image, camera, model);
+    const double scale = std::sqrt(static_cast<double>(features.size()));
+    for (double& value : features) value *= scale;
+    return features;
+}
+
 Photos photos_of(const Model& model, const DrawnOptions& options, const IdentityMeasure& measure) {
     DataConfig data;
     data.cache_megabytes = 0;
@@ -72,9 +84,15 @@ Photos photos_of(const Model& model, const DrawnOptions& options, const Identity
     selection.range = parse_range(options.ids);
     Photos photos;
     for (const std::int64_t i : positions_of(faces, selection.range)) {
-        const ComparedFace face = compared_face(model, faces, i, selection);
-        photos.features.push_back(measure.embedding(photo_with_guesses(face.batch)));
-        photos.cameras.push_back(face.batch.cameras.front());
+        try {
+            const ComparedFace face = compared_face(model, faces, i, selection);
+            const Camera& camera = face.batch.cameras.front();
+            photos.features.push_back(features_of(measure, photo_with_guesses(face.batch), camera,
+                                                  model.config().camera));
+            photos.cameras.push_back(camera);
+        } catch (const Error& error) {
+            std::cerr << "skipped " << faces.files(i).id << ": " << error.what() << std::endl;
+        }
     }
     constexpr std::size_t least = 4;
     if (photos.features.size() < least)
@@ -118,7 +136,7 @@ AppResult evaluate_drawn(const DrawnOptions& options, std::uint64_t seed) {
         const Codes codes = model.code_statistics()->sample(own, options.truncation);
         const Camera& camera = photos.cameras[static_cast<std::size_t>(i) % photos.cameras.size()];
         const Tensor image = render_view(model, codes, 0, camera, view).image;
-        drawn.push_back(measure.embedding(image));
+        drawn.push_back(features_of(measure, image, camera, model.config().camera));
         if (tiles.size() < most_tiles) tiles.push_back(image);
         progress.update(i + 1, "");
     }

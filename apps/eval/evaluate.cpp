@@ -173,12 +173,32 @@ private:
     std::map<std::int64_t, FailedFace> failed_;
 };
 
+/// The next readable photo of somebody else; nothing if there is none.
+std::optional<ComparedFace> photo_of_another(const FitJob& job, const Dataset& faces,
+                                             std::int64_t index, const EvaluationOptions& options) {
+    const auto person_of = [&faces](std::int64_t face) {
+        const FaceEntry* const entry = faces.entry(face);
+        return entry == nullptr ? std::string() : entry->origin.person;
+    };
+    const std::string person = person_of(index);
+    for (std::int64_t step = 1; step < faces.size(); ++step) {
+        const std::int64_t other = (index + step) % faces.size();
+        if (!person.empty() && person_of(other) == person) continue;
+        try {
+            return compared_face(job.model(), faces, other, options);
+        } catch (const Error&) {
+            continue;  // reported where this photo itself is scored
+        }
+    }
+    return std::nullopt;
+}
+
 /// Adds identity and shape to a score, if they are measured.
 void measure_person(const FitJob& job, const Dataset& faces, const ComparedFace& face,
                     const FittedFaces& done, const EvaluationOptions& options, FaceScore& score) {
     if (options.identity != nullptr) {
-        const ComparedFace other =
-            compared_face(job.model(), faces, (face.index + 1) % faces.size(), options);
+        const auto found = photo_of_another(job, faces, face.index, options);
+        const ComparedFace* const other = found ? &*found : nullptr;
         score.identity = options.identity->measure(job.model(), face, other, done.fit);
         if (done.tuned)
             score.tuned_identity = options.identity->measure(*done.tuned, face, other, done.fit);

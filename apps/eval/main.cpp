@@ -99,7 +99,9 @@ void write_doubts(const stymo::Evaluation& evaluation, const stymo::DatasetSumma
         std::cerr << "warning: " << faces.scaled_masks << " faces have a mask of "
                   << stymo::scaled_mask_note << std::endl;
     const auto doubtful = [](const stymo::FaceScore& score) {
-        return score.regions.front().last().psnr > stymo::most_plausible_psnr;
+        return std::ranges::any_of(score.regions, [](const stymo::RegionScore& region) {
+            return region.last().psnr > stymo::most_plausible_psnr;
+        });
     };
     const auto first = std::ranges::find_if(evaluation.scores, doubtful);
     if (first == evaluation.scores.end()) return;
@@ -208,9 +210,11 @@ stymo::AppResult evaluate(Options options, const stymo::CommandLine& line) {
     if (options.data.empty()) stymo::fail<stymo::UsageError>("--data is required");
     options.evaluation.range = stymo::parse_range(options.ids);
     options.evaluation.regions = stymo::regions_called(options.region);
-    const stymo::FitJobOptions fitting = options.fit.job_options();
-    if (!options.evaluation.fit && (fitting.tunes() || fitting.fit.refine_pose))
-        stymo::fail<stymo::UsageError>("--tune, --tune-steps and --refine-pose require --fit");
+    if (!options.parser.empty() && options.region == "head")
+        stymo::fail<stymo::UsageError>("--parser requires --region face or both");
+    if (!options.morphable.empty() && !options.shape && !options.evaluation.fit)
+        stymo::fail<stymo::UsageError>("--morphable requires --shape or --fit");
+    if (!options.out.empty()) stymo::ResultFolder::require_apart(options.out, options.data);
     std::optional<EvaluationRun> run;
     return stymo::run_on_ranks("stymo-eval", [&](stymo::Ranks& ranks) {
         return stymo::RankedRun{.prepare = [&] { run.emplace(options, line, ranks); },
@@ -259,7 +263,7 @@ int stymo_eval(int argc, char** argv) {
     stymo::declare_head(line, options.morphable, "that the folder's codes belong to",
                         "default with --shape: the built-in head");
     line.flag("--fit", options.evaluation.fit, "also fit each face and measure the fitted codes");
-    stymo::declare_fit(line, options.fit);
+    line.requiring("--fit", [&] { stymo::declare_fit(line, options.fit); });
     line.option("--resolution", options.evaluation.resolution,
                 "side of the compared images: 64, 128, ... (default: the model's resolution)")
         .range(64, 4096);
@@ -269,7 +273,7 @@ int stymo_eval(int argc, char** argv) {
         .keeps_results();
     stymo::declare_lpips_metric(line, options.lpips);
     stymo::declare_lpips_files(line, options.lpips);
-    stymo::declare_perceptual_weight(line, options.lpips);
+    line.requiring("--fit", [&] { stymo::declare_perceptual_weight(line, options.lpips); });
 
     stymo::PairOptions pair;
     stymo::Command command =

@@ -1,8 +1,10 @@
 #include <algorithm>
 #include <cmath>
 #include <iomanip>
+#include <iostream>
 #include <map>
 #include <numeric>
+#include <optional>
 #include <sstream>
 
 #include "apps/eval/commands.h"
@@ -104,14 +106,20 @@ AppResult evaluate_people(const PeopleOptions& options) {
     const std::vector<std::int64_t> positions = positions_of(faces, parse_range(options.ids));
     Progress progress({.title = "people", .total = std::ssize(positions), .unit = "photos"});
     for (const std::int64_t i : positions) {
-        const Face face = faces.load_exactly(i);
+        std::optional<Face> face;
+        try {
+            face = faces.load_exactly(i);
+        } catch (const Error& error) {
+            std::cerr << "skipped " << faces.files(i).id << ": " << error.what() << std::endl;
+            continue;
+        }
         const Codes first =
-            face_codes(model, make_batch({&face, 1}, model.decoder().ladder().smallest()));
+            face_codes(model, make_batch({&*face, 1}, model.decoder().ladder().smallest()));
         std::vector<double> row = first.identity().value().to_vector();
         const std::vector<double> texture = first.texture().value().to_vector();
         row.insert(row.end(), texture.begin(), texture.end());
         codes.push_back(std::move(row));
-        ids.push_back(face.id);
+        ids.push_back(face->id);
         const FaceEntry* const entry = faces.entry(i);
         people.push_back(entry == nullptr ? "" : entry->origin.person);
         progress.update(std::ssize(people));

@@ -9,6 +9,7 @@
 #include "core/median.h"
 #include "core/ops/ops.h"
 #include "fit/fit_report.h"
+#include "nn/image_augmentation.h"
 #include "nn/known_pixels.h"
 #include "nn/models/display_image.h"
 #include "nn/realtime/view.h"
@@ -25,24 +26,31 @@ double cosine(const std::vector<double>& a, const std::vector<double>& b) {
 
 }  // namespace
 
-std::vector<double> IdentityMeasure::embedding(const Tensor& image) const {
+std::vector<double> IdentityMeasure::embedding(const Tensor& image, const Camera& camera,
+                                               const CameraConfig& model) const {
     const Variable input(image.reshaped({1, image.shape(0), image.shape(1), 3}));
-    return network_.embeddings(input * 2.0 - 1.0).value().to_vector();
+    return network_.embeddings(augmented(input * 2.0 - 1.0, ffhq_frames({&camera, 1}, model)))
+        .value()
+        .to_vector();
 }
 
 IdentityScore IdentityMeasure::measure(const Model& model, const ComparedFace& face,
-                                       const ComparedFace& other, const FitResult& fit) const {
+                                       const ComparedFace* other, const FitResult& fit) const {
     const ViewOptions options{.samples_per_ray = model.config().reconstruction.fit_samples_per_ray,
                               .resolution = face.batch.targets.back().shape(1)};
+    const CameraConfig& frontal = model.config().camera;
     const auto view = [&](const Camera& camera) {
         return render_view(model, fit.fitted, 0, camera, options).image;
     };
-    const auto seen_by = [&](const Camera& camera) { return embedding(view(camera)); };
-    const Tensor rendered = view(fit.cameras.front());
+    const auto seen_by = [&](const Camera& camera) {
+        return embedding(view(camera), camera, frontal);
+    };
+    const Camera& camera = fit.cameras.front();
+    const Tensor rendered = view(camera);
     const Tensor own = display_image(face.batch.targets.back(), 0);
     const std::vector<double> photo =
-        embedding(where_known(known_in(face.batch, 0), own, rendered).value());
-    const std::vector<double> fitted = embedding(rendered);
+        embedding(where_known(known_in(face.batch, 0), own, rendered).value(), camera, frontal);
+    const std::vector<double> fitted = embedding(rendered, camera, frontal);
     const auto turned = [&](double degrees) {
         const double yaw = radians_from_degrees(degrees);
         return 0.5 * (cosine(fitted, seen_by(model_camera(model, yaw, 0.0, 0.0))) +
@@ -51,7 +59,10 @@ IdentityScore IdentityMeasure::measure(const Model& model, const ComparedFace& f
     return {.photo = cosine(photo, fitted),
             .turned_15 = turned(15.0),
             .turned_30 = turned(30.0),
-            .other = cosine(photo, embedding(photo_with_guesses(other.batch)))};
+            .other = other != nullptr
+                         ? cosine(photo, embedding(photo_with_guesses(other->batch),
+                                                   other->batch.cameras.front(), frontal))
+                         : std::numeric_limits<double>::infinity()};
 }
 
 namespace {

@@ -19,13 +19,14 @@ public:
     /// file that cannot be used.
     explicit IdentityMeasure(const std::filesystem::path& weights) : network_(weights) {}
 
-    /// The score of the fitted codes of `fit`. `other` is a photo of another person.
+    /// The score of the fitted codes of `fit`. `other` is a photo of another person, or null.
     [[nodiscard]] IdentityScore measure(const Model& model, const ComparedFace& face,
-                                        const ComparedFace& other, const FitResult& fit) const;
+                                        const ComparedFace* other, const FitResult& fit) const;
 
-    /// The embedding, of unit length, of an image (S, S, 3) in [0, 1] with the head on black in
-    /// FFHQ's frame.
-    [[nodiscard]] std::vector<double> embedding(const Tensor& image) const;
+    /// The embedding, of unit length, of an image (S, S, 3) in [0, 1] with the head on black, seen
+    /// by `camera`. It is first brought into FFHQ's crop (ffhq_frame of the model's camera).
+    [[nodiscard]] std::vector<double> embedding(const Tensor& image, const Camera& camera,
+                                                const CameraConfig& model) const;
 
 private:
     IdentityNetwork network_;

@@ -240,8 +240,9 @@ std::string summary_text(const std::vector<FaceScore>& scores) {
         text << std::fixed << std::setprecision(3) << "cosine of embeddings"
              << (member == &FaceScore::tuned_identity ? ", tuned" : "") << ": photo and face "
              << identity->photo << ", face turned by 15 degrees " << identity->turned_15
-             << ", by 30 degrees " << identity->turned_30 << ", photos of two people "
-             << identity->other << '\n';
+             << ", by 30 degrees " << identity->turned_30;
+        if (std::isfinite(identity->other)) text << ", photos of two people " << identity->other;
+        text << '\n';
     }
     for (const auto& [name, member] : Measured<ShapeScore>::members) {
         const std::optional<ShapeScore> shape = mean_of(scores, member);

@@ -50,7 +50,7 @@ struct IdentityScore {
     double photo = 0.0;      ///< photo and fitted face
     double turned_15 = 0.0;  ///< mean over fitted face and its views at yaw -15 and 15 degrees
     double turned_30 = 0.0;  ///< the same for 30 degrees
-    double other = 0.0;      ///< photo and photo of another person
+    double other = 0.0;      ///< photo and photo of another person; infinite if there is none
 };
 
 /// Shape errors in units of the distance of the eyes (apps/eval/person_measures.h). Infinite if

@@ -82,7 +82,6 @@ AppResult to_coefficients(const ArkitOptions& options, const ArkitConversion& co
 
 /// Coefficients -> codes: the face with the expression of each row.
 AppResult to_codes(const ArkitOptions& options, const ArkitConversion& conversion, CodeFile face) {
-    require_not_read(options.out, {options.codes, options.coefficients});
     const std::vector<ArkitMoment> rows = read_coefficients(options.coefficients);
     const bool one = options.out.extension() == ".json";
     if (one && rows.size() > 1)
@@ -119,6 +118,7 @@ AppResult export_arkit(const ArkitOptions& options) {
     } else {
         require_extension(options.out, {".json", ".csv"});
     }
+    require_not_read(options.out, {options.codes, options.coefficients});
     const CodeFile face = read_code_file(options.codes);
     const ArkitConversion conversion = arkit_conversion(options.morphable);
     require_folder_of(options.out);

@@ -176,12 +176,17 @@ void write_glb(const std::filesystem::path& path, const FaceMesh& face) {
     write_file(path, bytes.str(), Durability::none);
 }
 
+/// The texture of a Wavefront OBJ.
+std::filesystem::path texture_of(std::filesystem::path path) {
+    return path.replace_filename(path.stem().string() + "_texture.png");
+}
+
 /// Wavefront OBJ, beside it STEM.mtl and STEM_texture.png. Returns the three paths.
 std::vector<std::filesystem::path> write_obj(const std::filesystem::path& path,
                                              const TexturedMesh& mesh) {
-    std::filesystem::path material = path, texture = path;
+    std::filesystem::path material = path;
     material.replace_extension(".mtl");
-    texture.replace_filename(path.stem().string() + "_texture.png");
+    const std::filesystem::path texture = texture_of(path);
     std::ostringstream text;
     text << "mtllib " << material.filename().string() << "\n";
     const Eigen::IOFormat format(9, Eigen::DontAlignCols, " ", "\n");
@@ -246,6 +251,9 @@ std::vector<std::filesystem::path> write_mesh(const std::filesystem::path& out,
 AppResult export_mesh(const MeshOptions& options) {
     require_extension(options.out, {".glb", ".obj", ".ply"});
     if (!options.check.empty()) require_extension(options.check, {".png", ".jpg"});
+    if (options.out.extension() == ".obj" &&
+        options.check.lexically_normal() == texture_of(options.out).lexically_normal())
+        fail<UsageError>("--check ", options.check.string(), " is the file of the texture");
     if (!std::has_single_bit(static_cast<std::uint64_t>(options.texture_side)))
         fail<UsageError>("--texture ", options.texture_side, ": give a power of two");
     if (options.landmarks.empty())

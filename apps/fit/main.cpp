@@ -208,6 +208,8 @@ stymo::FitJobOptions job_options(const Options& options) {
     // A folder in the FFHQ format does not say to which head its codes belong.
     if (options.face.as_it_comes() || !job.preparation.morphable.empty())
         job.head = job.preparation.morphable;
+    job.preparation.no_face_advice =
+        "; if it is an aligned crop already, give --mask and --pose, or --as-is";
     return job;
 }
 
@@ -301,7 +303,8 @@ int stymo_fit(int argc, char** argv) {
         .excludes("--video");
     line.flag("--as-is", options.face.as_is,
               "the photo is aligned like FFHQ and the face is frontal; the whole frame is fitted")
-        .excludes("--video");
+        .excludes("--video")
+        .excludes("--mask");
     line.option("--data", options.face.data,
                 "folder of faces in the FFHQ format with the photo, its mask and its pose")
         .excludes("--video");
@@ -322,6 +325,7 @@ int stymo_fit(int argc, char** argv) {
         .keeps_results();
     stymo::declare_preparation_files(line, options.fit.job.preparation);
     stymo::declare_fit(line, options.fit);
+    line.refine("--steps").excludes("--video");
     stymo::declare_video(line, options.video_fit);
     stymo::declare_film(line, options.frames);
     stymo::declare_perceptual_weight(line, options.lpips);

@@ -53,6 +53,21 @@ Camera camera_from_numbers(const std::vector<double>& numbers, const Intrinsics&
                     " numbers; 25 (EG3D), 16 (4x4) or 12 (3x4) make a camera");
 }
 
+/// Those of the object's "camera", as `stymo-prep pose` writes them; what it lacks is
+/// `otherwise`'s.
+Intrinsics intrinsics_of(const Json& object, const Intrinsics& otherwise) {
+    if (!object.contains("camera") || !object["camera"].is_object()) return otherwise;
+    const auto number = [&](const char* key, double usual) {
+        const Json& camera = object["camera"];
+        if (!camera.contains(key)) return usual;
+        if (!camera[key].is_number()) fail<FileError>("\"camera\": \"", key, "\" is not a number");
+        return camera[key].get<double>();
+    };
+    return {.focal = number("focal", otherwise.focal),
+            .center_x = number("cx", otherwise.center_x),
+            .center_y = number("cy", otherwise.center_y)};
+}
+
 /// The label of an image in EG3D's dataset.json: {"labels": [["00000/img00000000.png", [25
 /// numbers]], ...]}.
 const Json& label_of(const Json& labels, const std::string& id) {
@@ -69,7 +84,7 @@ Camera camera_from_json(const Json& value, const std::string& id, const Intrinsi
         fail<FileError>("holds no face with the id ", id);
     if (value.is_object()) {
         return camera_from_pose(parse_pose((value.contains("pose") ? value["pose"] : value).dump()),
-                                intrinsics);
+                                intrinsics_of(value, intrinsics));
     }
     std::vector<double> numbers;
     append_numbers(value, numbers);

@@ -205,7 +205,7 @@ void bind_model(nb::module_& module) {
     bind_face(module);
     nb::class_<Studio> model(module, "Model",
                              "A face model with all that leads from a photo to a rendered face. "
-                             "Its methods release the GIL, and threads may share it.");
+                             "Long calls release the GIL, and threads may share it.");
     model
         .def_static(
             "load",

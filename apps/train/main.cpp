@@ -157,12 +157,29 @@ stymo::AppResult train_masks(const Options& options, const stymo::CommonOptions&
                                       {"network", file}})};
 }
 
+/// Throws FileError if the run's images would count as photos, or if a checkpoint of another run
+/// would go on in a folder that holds a run.
+void require_own_folder(const Options& options) {
+    namespace fs = std::filesystem;
+    if (options.dry_run) return;
+    stymo::ResultFolder::require_apart(options.out, options.data);
+    if (options.resume.empty() || options.resume == "latest" ||
+        !fs::exists(options.out / "latest") ||
+        fs::weakly_canonical(fs::absolute(options.resume)).parent_path() ==
+            fs::weakly_canonical(options.out / "checkpoints"))
+        return;
+    stymo::fail<stymo::FileError>(options.out.string(),
+                                  ": holds a training run to which the checkpoint ", options.resume,
+                                  " does not belong; choose another --out");
+}
+
 stymo::AppResult train(const Options& options, const stymo::CommonOptions& common) {
     if (options.head_mask) return train_masks(options, common);
     if (options.print_keys)
         return {stymo::configuration_table(),
                 stymo::JsonValue::object({{"table", stymo::configuration_table()}})};
     require_paths(options);
+    require_own_folder(options);
     std::optional<stymo::FolderLock> lock;
     if (const std::unique_ptr<stymo::Ranks> ranks = stymo::started_ranks()) {
         std::optional<PreparedRun> run;

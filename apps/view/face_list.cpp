@@ -12,7 +12,6 @@ namespace stymo::view {
 
 namespace {
 
-constexpr std::size_t most_faces = 64;
 constexpr std::size_t most_tuned_models = 16;
 constexpr std::size_t digits_of_element = 4;
 

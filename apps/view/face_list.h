@@ -50,6 +50,8 @@ private:
 /// sessions take no more memory than 64 decoders, besides the common model.
 class FaceList {
 public:
+    static constexpr std::size_t most_faces = 64;
+
     explicit FaceList(TunedModels& all) : all_(all) {}
     /// Adds a face and returns its id. Throws ValueError if there is no room for the face or its
     /// model.

@@ -107,8 +107,9 @@ int stymo_view(int argc, char** argv) {
         .range(1, 10000);
     line.option("--color-steps", options.viewer.color_steps, "steps of recolouring a part")
         .range(1, 10000);
-    line.option("--max-pixels", options.viewer.most_photo_pixels,
-                "photos with more pixels, or as many bytes, are refused")
+    line.option(
+            "--max-pixels", options.viewer.most_photo_pixels,
+            "photos with more pixels are refused, and files with more bytes than this or 64 MiB")
         .range(1, 1e12);
     line.option("--sessions", options.most_sessions, "largest number of open pages").range(1, 1000);
     return line.run(argc, argv, [&](const stymo::CommonOptions&) { return serve(options); });

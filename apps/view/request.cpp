@@ -18,6 +18,7 @@ using Json = nlohmann::json;
 
 constexpr double most_deviations = 6.0;  ///< of a slider
 constexpr std::size_t most_keys = 64, most_frames = 900;
+constexpr std::size_t most_json_bytes = std::size_t{1} << 20U;
 
 template <class... Parts>
 [[noreturn]] void refuse(const Parts&... parts) {
@@ -55,6 +56,8 @@ struct OverflowFinder : nlohmann::json_sax<Json> {
 };
 
 Json parsed(const std::string& text) {
+    // A parsed document takes some forty times the memory of its text.
+    if (text.size() > most_json_bytes) throw RequestError(413, "the request is too large");
     if (const auto fault = json_fault(text)) refuse("the request: ", *fault);
     Json json = Json::parse(text, nullptr, false);
     if (OverflowFinder finder; json.is_discarded() && !Json::sax_parse(text, &finder) &&

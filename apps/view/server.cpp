@@ -113,8 +113,11 @@ httplib::Server::HandlerResponse Server::Implementation::guard(const httplib::Re
         return Handled;
     }
     // httplib reads the bodies of other methods, too, before it looks for who serves them.
-    const bool has_no_body = request.method == "GET" || request.method == "HEAD";
-    if (!has_no_body && !announces_body(request)) {
+    if (has_unread_body(request)) {
+        refuse(response, 400, "a request of this kind has no body");
+        return Handled;
+    }
+    if (!has_no_body(request) && !announces_body(request)) {
         refuse(response, 411, "a request needs its length and must not be compressed");
         return Handled;
     }
@@ -220,10 +223,13 @@ void Server::start() {
     server.port = server.options.port;
     if (server.port == 0) {
         server.port = server.http.bind_to_any_port(server.options.host);
-        if (server.port < 0) fail<Error>(server.options.host, ": no port can be had");
+        if (server.port < 0)
+            fail<Error>(server.options.host,
+                        ": no port can be had; is this --host an address of this machine?");
     } else if (!server.http.bind_to_port(server.options.host, server.port)) {
         fail<Error>(server.options.host, ":", server.port,
-                    ": cannot be opened; take another one with --port, or 0 for any that is free");
+                    ": cannot be opened; take another one with --port, or 0 for any that is free, "
+                    "and an address of this machine as --host");
     }
     server.listener = std::thread([&server] { server.http.listen_after_bind(); });
     while (!server.http.is_running()) std::this_thread::yield();

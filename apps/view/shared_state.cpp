@@ -18,6 +18,9 @@ constexpr double usual_truncation = 0.7;
 }  // namespace
 
 SharedState::SharedState(const ViewerOptions& options) : options_(options) {
+    if (options.codes.size() > FaceList::most_faces)
+        fail<UsageError>("--codes: a page has room for ", FaceList::most_faces, " faces, not for ",
+                         options.codes.size());
     model_ = std::make_shared<const Model>(load_model(options.model));
     mark_ = model_mark(options.model);
     // Reports unreadable files at the start instead of at the first use by the page.

@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cerrno>
 #include <string>
 
@@ -49,7 +50,9 @@ void read_address(AddressOf address_of, socket_t socket, std::string& ip, int& p
 // NOLINTBEGIN(modernize-use-override)
 class Connection : public httplib::Stream {
 public:
-    Connection(socket_t socket, const ClientLimits& limits) : socket_(socket), limits_(limits) {}
+    /// Nothing more is read once `stops` is set.
+    Connection(socket_t socket, const ClientLimits& limits, const std::atomic<bool>& stops)
+        : socket_(socket), limits_(limits), stops_(stops) {}
 
     /// Whether the first byte of the next request comes in time.
     [[nodiscard]] bool awaits_request(time_t seconds) {
@@ -123,19 +126,23 @@ private:
         return waits_until(event, std::min(deadline_, after(limits_.read_seconds)));
     }
     [[nodiscard]] bool waits_until(short event, Clock::time_point until) const {
+        constexpr long most_wait = 100;  // in milliseconds, until `stops_` is looked at again
         for (;;) {
             const auto left =
                 std::chrono::ceil<std::chrono::milliseconds>(until - Clock::now()).count();
+            if (event == POLLIN && stops_) return false;
             pollfd polled{.fd = socket_, .events = event, .revents = 0};
-            const int ready = ::poll(&polled, 1, static_cast<int>(std::max<long>(left, 0)));
+            const int ready =
+                ::poll(&polled, 1, static_cast<int>(std::clamp<long>(left, 0, most_wait)));
             // Also for a connection that has been closed, as the call that follows finds.
             if (ready > 0) return left > 0;
-            if (ready == 0 || errno != EINTR) return false;
+            if ((ready == 0 && left <= most_wait) || (ready < 0 && errno != EINTR)) return false;
         }
     }
 
     socket_t socket_;
     const ClientLimits& limits_;
+    const std::atomic<bool>& stops_;
     std::array<char, 4096> buffer_{};
     std::size_t begin_ = 0, end_ = 0;  ///< of what was read and not yet taken
     std::size_t head_bytes_ = 0;
@@ -146,6 +153,16 @@ private:
 
 }  // namespace
 
+bool has_no_body(const httplib::Request& request) {
+    return request.method == "GET" || request.method == "HEAD";
+}
+
+bool has_unread_body(const httplib::Request& request) {
+    return has_no_body(request) && (request.has_header("Transfer-Encoding") ||
+                                    (request.has_header("Content-Length") &&
+                                     request.get_header_value("Content-Length") != "0"));
+}
+
 TimedServer::TimedServer(const ClientLimits& limits) : limits_(limits) {
     // The additional thread lets a further connection in while all of them are taken.
     new_task_queue = [count = limits.connections + 1] {
@@ -154,6 +171,7 @@ TimedServer::TimedServer(const ClientLimits& limits) : limits_(limits) {
 }
 
 void TimedServer::stop_serving() {
+    stops_ = true;
     stop();
     const std::lock_guard lock(mutex_);
     for (const auto& [socket, since] : heads_) ::shutdown(socket, SHUT_RDWR);
@@ -169,8 +187,10 @@ bool TimedServer::process_and_close_socket(socket_t socket) {
 }
 
 void TimedServer::serve(socket_t socket) {
-    Connection connection(socket, limits_);
-    const std::function<void(httplib::Request&)> has_head = [&](httplib::Request&) {
+    Connection connection(socket, limits_, stops_);
+    bool ends = false;
+    const std::function<void(httplib::Request&)> has_head = [&](const httplib::Request& request) {
+        ends = has_unread_body(request);
         end_head(socket);
         connection.end_head();
     };
@@ -192,7 +212,7 @@ void TimedServer::serve(socket_t socket) {
         bool closes = false;
         goes_on = svr_sock_ != INVALID_SOCKET &&
                   connection.awaits_request(keep_alive_timeout_sec_) &&
-                  answers(connection, closes) && !closes;
+                  answers(connection, closes) && !closes && !ends;
         end_head(socket);
     }
 }

@@ -2,6 +2,7 @@
 
 #include <httplib.h>
 
+#include <atomic>
 #include <chrono>
 #include <condition_variable>
 #include <functional>
@@ -12,8 +13,15 @@
 
 namespace stymo::view {
 
+/// Whether the method is one whose body httplib does not read.
+[[nodiscard]] bool has_no_body(const httplib::Request& request);
+/// Whether a request of such a method brings a body nevertheless. It would be taken for the next
+/// request of its connection, which a proxy may share between clients.
+[[nodiscard]] bool has_unread_body(const httplib::Request& request);
+
 /// httplib's server limits the time between two bytes of a request only, so that clients that drip
-/// hold its threads for ever. This one limits the time of whole requests. While all connections are
+/// hold its threads for ever. This one limits the time of whole requests, and closes a connection
+/// after a request with an unread body. While all connections are
 /// taken, a new one takes the place of the connection whose client has taken longest to send the
 /// head of its next request; so clients that do not know the token cannot keep others out.
 class TimedServer : public httplib::Server {
@@ -34,6 +42,7 @@ private:
     void end_head(socket_t socket);
 
     ClientLimits limits_;
+    std::atomic<bool> stops_ = false;
     std::mutex mutex_;
     std::condition_variable left_;
     std::size_t open_ = 0;

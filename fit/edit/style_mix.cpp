@@ -41,6 +41,8 @@ CodeGroups code_groups_of(const std::string& list) {
                              "\" is no group of codes; there are id, expr, tex and light");
         taken[static_cast<std::size_t>(found - code_names.begin())] = true;
     }
+    if (taken == CodeGroups{})
+        fail<ValueError>("no group of codes is named; there are id, expr, tex and light");
     return taken;
 }
 

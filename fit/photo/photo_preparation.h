@@ -34,7 +34,8 @@ struct PhotoPreparationSettings {
     /// Widens FFHQ's square, up to 1.5 times, while the head leaves it at the top or the sides.
     /// Photos that are already aligned stay as they are.
     bool whole_head = false;
-    PivotCamera pivot;  ///< camera position for poses from a network
+    std::string no_face_advice{};  ///< follows the error for a photo without a face
+    PivotCamera pivot;             ///< camera position for poses from a network
     // Optional files; an empty path means that the file is not used.
     std::filesystem::path landmark_model;  ///< for FaceDetector; empty: that of libdlib-data
     /// Head-mask network (nn/pretrained/head_mask_network.h). Without it, a photo whose mask is not

@@ -37,11 +37,16 @@ constexpr NetworkKind of_6drepnet(std::int64_t outputs) {
             rotation_from_6drepnet};
 }
 
+constexpr std::int64_t outputs_of_3ddfa = 62;
+/// Its matrix maps a model in micrometres to pixels, so that rows have a length of about 5e-4.
+/// Numbers that are still normalised are about 1.
+constexpr float most_scale_of_3ddfa = 0.02F;
+
 // Sides 0.65 to 0.75 and centres 0.53 to 0.59 give 3DDFA_V2 about the same agreement between the
 // poses of 400 photos and of their mirror images. 6DRepNet expects the box of a face detector,
 // about half of a photo, enlarged by a fifth on each side.
 constexpr std::array kinds = {
-    NetworkKind{62,
+    NetworkKind{outputs_of_3ddfa,
                 120,
                 0.65,
                 0.56,
@@ -57,7 +62,13 @@ const NetworkKind* kind_of(OnnxNetwork& network, const std::string& name) {
     for (const NetworkKind& kind : kinds) {
         try {
             const Tensor grey = Tensor::full({kind.input_side, kind.input_side, 3}, 0.5);
-            const std::ptrdiff_t outputs = std::ssize(network.run(grey, kind.scale).values);
+            const std::vector<float> values = network.run(grey, kind.scale).values;
+            const std::ptrdiff_t outputs = std::ssize(values);
+            if (outputs == outputs_of_3ddfa && outputs == kind.outputs &&
+                Eigen::Vector3f(values.data()).norm() > most_scale_of_3ddfa)
+                fail<FileError>(name,
+                                ": 3DDFA_V2's normalised outputs; let the file end with output * "
+                                "param_std + param_mean of its param_mean_std_62d_120x120.pkl");
             if (outputs == kind.outputs) return &kind;
             found = "it gives " + std::to_string(outputs) + " numbers";
         } catch (const ShapeError& error) {

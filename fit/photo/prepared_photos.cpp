@@ -20,12 +20,13 @@ constexpr double unknown_grey = 0.5;
 
 /// `hint`: what helps if the photo has no face.
 FaceCrop face_of(const PhotoPreparation& preparation, const Tensor& photo, const std::string& name,
-                 const Tensor& known, const char* hint) {
+                 const Tensor& known) {
     try {
         return preparation.crops(photo, {.known = known}).front();
     } catch (const ValueError& error) {
-        const bool is_named = preparation.settings().face > 0;
-        fail<FileError>(name, ": ", error.what(), is_named ? "" : hint);
+        const PhotoPreparationSettings& settings = preparation.settings();
+        fail<FileError>(name, ": ", error.what(),
+                        settings.face > 0 ? std::string() : settings.no_face_advice);
     }
 }
 
@@ -112,8 +113,7 @@ std::vector<PreparedPhoto> prepare_photos(std::span<const std::string> images,
     for (std::size_t i = 0; i < images.size(); ++i)
         crops.push_back(face_of(
             preparation, read_image(images[i], preparation.settings().most_pixels, &doubts[i]),
-            images[i], known,
-            "; if it is an aligned crop already, give --mask and --pose, or --as-is"));
+            images[i], known));
     std::vector<PreparedFace> faces = preparation.finish(std::move(crops));
     std::vector<PreparedPhoto> photos;
     for (std::size_t i = 0; i < faces.size(); ++i) {
@@ -126,7 +126,7 @@ std::vector<PreparedPhoto> prepare_photos(std::span<const std::string> images,
 PreparedPhoto prepare_photo(const Tensor& photo, const std::string& name, const ModelConfig& model,
                             const PhotoPreparation& preparation) {
     std::vector<FaceCrop> crops;
-    crops.push_back(face_of(preparation, photo, name, {}, ""));
+    crops.push_back(face_of(preparation, photo, name, {}));
     return photo_of(name, std::move(preparation.finish(std::move(crops)).front()), preparation,
                     model);
 }

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cctype>
+#include <cmath>
 #include <filesystem>
 #include <iostream>
 #include <nlohmann/json.hpp>
@@ -303,6 +304,7 @@ TEST_CASE("Even motion has no acceleration, and noise has that of its second dif
     }
     CHECK(even.mean() == Approx(0.0).margin(1e-12));
     CHECK(noisy.mean() == Approx(100.0 * 2.0 / 50.0));
+    CHECK(std::isnan(LandmarkJitter().mean()));
 }
 
 }  // namespace drive_tests

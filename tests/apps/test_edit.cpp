@@ -121,7 +121,7 @@ TEST_CASE("stymo-edit color writes codes that differ in texture, an image and a 
     CHECK(edited["pose"] == before["pose"]);
     CHECK(stymo::read_image(tiny_run() / "colored/color.png").shape() ==
           stymo::Shape{64, 3 * 64, 3});
-    CHECK_THAT(done(color + "--part hair+hat --color #A03020 --steps 0 --out colored").out,
+    CHECK_THAT(done(color + "--part hair+eye_g --color #A03020 --steps 0 --out colored").out,
                Catch::Contains("0.0 % of the way"));
 }
 
@@ -158,7 +158,8 @@ TEST_CASE("What stymo-edit cannot do is said in one line, and nothing is written
     check_refused(color + "--part beard --color #a03020 --out out", 2, "beard");
     check_refused(color + "--part hair --color #a03020 --learning-rate nan --out out", 2,
                   "--learning-rate");
-    check_refused(color + "--part hat --color #a03020 --out out", 1, "no hat");
+    check_refused(color + "--part hat --color #a03020 --out out", 2, "no part of a head");
+    check_refused(color + "--part ear_r --color #a03020 --out out", 1, "no ear_r");
     check_refused(color + "--part hair --color #a03020 --out file", 1, "file");
     check_refused(color + "--part hair --color #a03020 --out fit", 2,
                   "fit/codes.json, which is read, would be replaced");

@@ -276,8 +276,9 @@ TEST_CASE("A face is as like itself as can be, and the network's weights are rea
     const IdentityMeasure measure(file);
     const ComparedFace face = compared_face(tiny.model, tiny.faces, 0, tiny.options);
     const FitResult fit = fit_codes(tiny.model, tiny.loss, face.batch, {.steps = 0});
-    const IdentityScore score = measure.measure(tiny.model, face, face, fit);
+    const IdentityScore score = measure.measure(tiny.model, face, &face, fit);
     CHECK(score.other == Approx(1.0));
+    CHECK(std::isinf(measure.measure(tiny.model, face, nullptr, fit).other));
     for (const double value : {score.photo, score.turned_15, score.turned_30})
         CHECK(std::abs(value) <= 1.0 + 1e-6);
     CHECK_THROWS_AS(IdentityMeasure(tiny_run() / "run/model.safetensors"), FileError);

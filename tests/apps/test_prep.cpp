@@ -279,6 +279,12 @@ TEST_CASE("A pose comes back from every form that stymo-prep pose writes") {
             CHECK(back["pose"]["t"][axis].get<double>() ==
                   Approx(pose["pose"]["t"][axis].get<double>()).margin(0.001));
     }
+    // The focal length of the file counts.
+    const json tele = json::parse(
+        done("stymo-prep pose --yaw 20 --focal 4.2647 --distance 10.2 --out tele.json --json").out);
+    const json back = json::parse(done("stymo-prep pose tele.json --json").out);
+    for (std::size_t i = 0; i < 25; ++i)
+        CHECK(back["eg3d"][i].get<double>() == Approx(tele["eg3d"][i].get<double>()).margin(0.001));
     done("stymo-prep pose form.json --id 00000/a.png --draw axes.png");
     CHECK(stymo::read_image(folder / "axes.png").shape() == stymo::Shape{192, 192, 3});
 }

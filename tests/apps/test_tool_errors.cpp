@@ -81,6 +81,8 @@ TEST_CASE("Wrong usage of a tool exits with 2") {
         {fit + "--video film.avi --tune 5", "leave out --tune"},
         {fit + "--image faces/images/00000.png --as-is --every 2", "--video"},
         {fit + "--video film.avi --mask faces/images/00000.png", "--video"},
+        {fit + "--video film.avi --steps 5", "--video"},
+        {fit + "--image faces/images/00000.png --as-is --mask faces/masks/00000.png", "--mask"},
         {fit + "--image faces/images/00000.png --as-is --steps -1", "--steps"},
         {fit + "--image faces/images/00000.png --as-is --learning-rate nan", "--learning-rate"},
         {fit + "--image faces/images/00000.png --as-is --regularizer inf", "--regularizer"},
@@ -94,6 +96,19 @@ TEST_CASE("Wrong usage of a tool exits with 2") {
         {render + "--out out.png --grid-yaw -5:5:2 --yaw 20", "--yaw"},
         {"stymo-drive --codes fit/codes.json --out out.mp4 --video film.avi --rate 30",
          "--coefficients"},
+        {"stymo-drive --codes fit/codes.json --out out.mp4 --coefficients fit/codes.json "
+         "--landmarks text.png",
+         "--landmarks requires --video or --truth"},
+        {"stymo-drive --codes fit/codes.json --out out.mp4 --coefficients fit/codes.json "
+         "--pose-net text.png",
+         "--video"},
+        {"stymo-export arkit --codes fit/codes.json --out fit/codes.json", "which is read"},
+        {"stymo-export mesh --model run/model.safetensors --codes fit/codes.json --out me.obj "
+         "--check me_texture.png",
+         "the file of the texture"},
+        {"stymo-edit color --model run/model.safetensors --codes fit/codes.json --part hat "
+         "--color #102030 --parser text.png --out out",
+         "no part of a head"},
         {"stymo-edit mix --target fit/codes.json --source fit/codes.json --truncation 1 --out out",
          "--sample"},
         {"stymo-prep --photos faces --out out --distance 5", "--pose-net"},
@@ -107,6 +122,10 @@ TEST_CASE("Wrong usage of a tool exits with 2") {
         {eval + "--region nose", "--region"},
         {eval + "--parser run/model.safetensors", "--region"},
         {eval + "--refine-pose", "--fit"},
+        {eval + "--steps 5", "--fit"},
+        {eval + "--perceptual-weight 0", "--fit"},
+        {eval + "--region head --parser text.png", "--region face or both"},
+        {eval + "--morphable text.png", "--shape or --fit"},
         {"stymo-eval drawn --data faces --identity none --sheet out.tiff", "out.tiff"},
         {"stymo-eval people --model run/model.safetensors", "--data"},
         {"stymo-prep --photos faces --out out --focal 4 --pose-net none.onnx", "--focal"},
@@ -266,6 +285,18 @@ TEST_CASE(
                     "run: holds a training run already"}},
                   failed, 1);
     CHECK(stymo::read_file(tiny_run() / "run/log.txt") == log);
+    std::filesystem::copy(tiny_run() / "run", tiny_run() / "another_run",
+                          std::filesystem::copy_options::recursive);
+    check_refused({{"stymo-train --config tiny.json --data faces --out run --resume "
+                    "another_run/checkpoints/000004",
+                    "does not belong"}},
+                  failed);
+    CHECK(stymo::read_file(tiny_run() / "run/log.txt") == log);
+    check_refused({{"stymo-train --config tiny.json --data faces --out faces/images/run",
+                    "would count as photos"},
+                   {"stymo-eval --model run/model.safetensors --data faces --out faces/images/eval",
+                    "would count as photos"}},
+                  failed);
     check_refused({{"stymo-synth --out faces --count 5 --size 64", "faces/images/"}}, failed);
 }
 

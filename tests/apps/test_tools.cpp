@@ -218,11 +218,11 @@ TEST_CASE("What is ignored in a photo does not change its fit, tuning or scores"
     for (const char* when : {"initial", "fitted", "tuned"}) CHECK(a[when] == b[when]);
     stymo::write_image(folder / "covers/all.png", stymo::Tensor::full({side, side, 1}, 1.0));
     for (const auto& [wrong, reason] : std::map<std::string, std::string>{
-             {"--ignore covers/all.png", "covers/all.png: leaves nothing of the photo"},
+             {"--as-is --ignore covers/all.png", "covers/all.png: leaves nothing of the photo"},
              {"--mask zeros.png", "zeros.png: covers nothing (every pixel is 0)"}}) {
         stymo::write_image(folder / "zeros.png", stymo::Tensor::zeros({side, side, 1}));
-        const ToolOutcome refused = stymo::run_tool(
-            folder, fit + ("--image covers/00004.png --as-is --out refused " + wrong));
+        const ToolOutcome refused =
+            stymo::run_tool(folder, fit + ("--image covers/00004.png --out refused " + wrong));
         CHECK(refused.exit_code == 1);
         CHECK_THAT(refused.err, Catch::Contains(reason));
     }
@@ -269,7 +269,8 @@ TEST_CASE(
     }
     const ToolOutcome outcome = done(
         "stymo-train --config tiny.json --data mixed --out kinds_run --set data.split.test=0 "
-        "--set data.other_photo=0.5");
+        "--set data.other_photo=0.5 --set data.turned_photos=0.5");
+    CHECK_THAT(outcome.err, Catch::Contains("data.turned_photos: 0 of "));
     CHECK_THAT(outcome.err, Catch::Contains("data.other_photo: 0 of " +
                                             std::to_string(names_in(folder / "mixed").size()) +
                                             " photos have another one of the same person"));

@@ -408,6 +408,7 @@ TEST_CASE("requests that are wrong are refused with a reason", "[view]") {
         {"frame", "", "the request is not a JSON object"},
         {"frame", "[]", "the request is not a JSON object"},
         {"frame", "{\"a\":" + nested, "the request: nested deeper than 32 levels"},
+        {"frame", "{\"a\": \"" + std::string(1U << 20U, 'x') + "\"}", "the request is too large"},
         {"frame", R"({"face": "f99"})", "there is no face f99"},
         {"frame", R"({"face": 3})", "\"face\" is not a text"},
         {"frame", R"({"quality": "best"})", "\"quality\": there is no \"best\""},

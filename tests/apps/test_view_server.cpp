@@ -238,6 +238,12 @@ TEST_CASE("what is left of a refused request is not taken for the next one", "[v
         {"too long", own + "\r\nContent-Length: 1001\r\n\r\n" + hidden, 413},
         {"no length", own + "\r\nContent-Length: many\r\n\r\n" + hidden, 413},
         {"ranges", own + length + "\r\nRange: bytes=0-1,0-1\r\n\r\n" + hidden, 416},
+        {"a page with a body",
+         "GET / HTTP/1.1\r\nHost: " + running.host() + length + "\r\n\r\n" + hidden, 400},
+        {"a page in chunks",
+         "HEAD / HTTP/1.1\r\nHost: " + running.host() + "\r\nTransfer-Encoding: chunked\r\n\r\n" +
+             chunk,
+         400},
         {"no such page", "GET /page/none.js HTTP/1.1\r\nHost: " + running.host() + "\r\n\r\n", 404},
     };
     for (const Row& row : rows) {
@@ -301,6 +307,25 @@ TEST_CASE("a request and an answer have a deadline as a whole", "[view]") {
         static_cast<void>(connection.rest());
         CHECK(seconds_now() - begin < 5.0);
     }
+}
+
+TEST_CASE("a server that stops does not wait for a body", "[view]") {
+    view::ServerOptions options;
+    options.clients.body_seconds = 60.0;
+    Running running(options);
+    const Connection connection(running.server.port());
+    connection.send("POST /api/frame HTTP/1.1\r\nHost: " + running.host() +
+                    "\r\nContent-Length: 10000\r\n\r\n");
+    const std::jthread dripping([&](const std::stop_token& stop) {
+        while (!stop.stop_requested()) {
+            connection.send("x");
+            std::this_thread::sleep_for(50ms);
+        }
+    });
+    std::this_thread::sleep_for(200ms);
+    const double begin = seconds_now();
+    running.server.stop();
+    CHECK(seconds_now() - begin < 5.0);
 }
 
 TEST_CASE("a large body gets the time that it takes", "[view]") {

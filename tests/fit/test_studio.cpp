@@ -71,6 +71,8 @@ TEST_CASE("Mixing takes groups of the source and keeps the rest of the target", 
     CHECK(elements(mix(target, source, "expr")) == expected);
     CHECK(error_message<ValueError>([&] { static_cast<void>(mix(target, source, "nose")); }) ==
           "\"nose\" is no group of codes; there are id, expr, tex and light");
+    CHECK(error_message<ValueError>([&] { static_cast<void>(mix(target, source, "")); }) ==
+          "no group of codes is named; there are id, expr, tex and light");
 }
 
 TEST_CASE("A studio says in one line what it cannot do", "[studio]") {

@@ -117,6 +117,25 @@ std::vector<FaceFiles> faces_of_split(const FolderScan& scan, const DataConfig& 
     return faces;
 }
 
+std::map<std::string, std::int64_t> photos_of_people(const std::vector<FaceFiles>& faces,
+                                                     const FaceRecords& records) {
+    std::map<std::string, std::int64_t> photos;
+    for (const FaceFiles& face : faces) {
+        const FaceEntry* const entry = records.find(face.id);
+        if (entry != nullptr && !entry->origin.person.empty()) ++photos[entry->origin.person];
+    }
+    return photos;
+}
+
+/// The number of people with photos both among `own`, one split of `all`, and outside it.
+std::int64_t people_divided(const std::vector<FaceFiles>& own, const std::vector<FaceFiles>& all,
+                            const FaceRecords& records) {
+    const std::map<std::string, std::int64_t> total = photos_of_people(all, records);
+    return std::ranges::count_if(photos_of_people(own, records), [&](const auto& person) {
+        return person.second < total.at(person.first);
+    });
+}
+
 }  // namespace
 
 void describe(ConfigSchema& schema, DataConfig& config) {
@@ -151,6 +170,9 @@ std::string DatasetSummary::text() const {
     if (without_pose > 0) text << "; " << without_pose << " without a pose (frontal is assumed)";
     if (without_code > 0) text << "; " << without_code << " without a code (no code loss)";
     if (with_unknown > 0) text << "; " << with_unknown << " with unknown pixels";
+    if (divided_people > 0)
+        text << "; " << divided_people << (divided_people == 1 ? " person has" : " people have")
+             << " photos in another part of the split too";
     if (scaled_masks > 0) text << "; " << scaled_masks << " with a mask of " << scaled_mask_note;
     if (!refused.empty())
         text << "; " << refused.size() << " skipped, which the model cannot render";
@@ -178,6 +200,7 @@ struct Dataset::Implementation {
     mutable std::set<std::int64_t> scaled_masks;        ///< by index in the split
     std::vector<BrokenFile> refused;
     std::vector<BrokenFile> left_out;
+    std::int64_t divided_people = 0;
     mutable std::atomic<double> waiting_seconds = 0.0;
 
     [[nodiscard]] Pose pose_of(const std::string& id) const;
@@ -264,6 +287,7 @@ Dataset::Dataset(const std::filesystem::path& folder, std::int64_t side, const D
     data.side = side;
     data.frontal = frontal_pose(with_intrinsics(camera, scan.intrinsics));
     data.faces = faces_of_split(scan, config, split);
+    data.divided_people = people_divided(data.faces, scan.faces, scan.records);
     data.records = std::move(scan.records);
     data.intrinsics = scan.intrinsics;
     data.left_out = std::move(scan.left_out);
@@ -368,6 +392,7 @@ DatasetSummary Dataset::summary() const {
     summary.scaled_masks = std::ssize(data.scaled_masks);
     summary.refused = data.refused;
     summary.left_out = data.left_out;
+    summary.divided_people = data.divided_people;
     for (const auto& [file, doubt] : data.doubts) summary.doubted.push_back({file, doubt});
     return summary;
 }

@@ -52,6 +52,7 @@ struct DatasetSummary {
     std::int64_t without_code = 0;
     std::int64_t with_unknown = 0;     ///< with unknown pixels
     std::int64_t scaled_masks = 0;     ///< faces with masks of 0 and 1, of those decoded so far
+    std::int64_t divided_people = 0;   ///< people with photos in this split and in another one
     std::vector<BrokenFile> broken;    ///< skipped, in order of id
     std::vector<BrokenFile> refused;   ///< skipped because of their cameras, in order of id
     std::vector<BrokenFile> left_out;  ///< of the folder: what is no image

@@ -114,8 +114,8 @@ Tensor read_face_region(const FaceFiles& files) {
     for (const std::filesystem::path& part : files.mask_parts) {
         if (!is_face_part(part)) continue;
         try {
-            region =
-                region.defined() ? merged(std::move(region), read_mask(part)) : read_mask(part);
+            Tensor mask = read_mask_file(part).mask;
+            region = region.defined() ? merged(std::move(region), mask) : std::move(mask);
         } catch (const Error& error) {
             fail<FileError>(part.string(), ": ", reason_of(error, part));
         }

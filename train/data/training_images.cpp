@@ -37,7 +37,7 @@ constexpr double most_yaw = 0.7, most_pitch = 0.2;
 }  // namespace
 
 TrainingImages::TrainingImages(const Dataset& faces, const DataConfig& config, const Rng& rng,
-                               std::int64_t smallest_target, std::int64_t ahead)
+                               std::int64_t smallest_target, std::int64_t ahead, CameraCheck check)
     : faces_(faces),
       mirror_(config.mirror),
       other_photo_(config.other_photo),
@@ -46,7 +46,8 @@ TrainingImages::TrainingImages(const Dataset& faces, const DataConfig& config, c
       person_of_(static_cast<std::size_t>(faces.size()), -1),
       rng_(rng),
       smallest_target_(smallest_target),
-      ahead_(ahead) {
+      ahead_(ahead),
+      check_(std::move(check)) {
     if (other_photo_ == 0.0) return;
     std::map<std::string, std::vector<std::int64_t>> people;
     for (std::int64_t face = 0; face < faces.size(); ++face) {
@@ -64,6 +65,15 @@ TrainingImages::TrainingImages(const Dataset& faces, const DataConfig& config, c
 
 std::int64_t TrainingImages::photos_with_partner() const {
     return std::ranges::count_if(person_of_, [](std::int64_t person) { return person >= 0; });
+}
+
+std::int64_t TrainingImages::photos_to_turn() const {
+    std::int64_t count = 0;
+    for (std::int64_t face = 0; face < faces_.size(); ++face) {
+        const FaceEntry* const entry = faces_.entry(face);
+        if (entry != nullptr && entry->pose && entry->has_code) ++count;
+    }
+    return count;
 }
 
 std::int64_t TrainingImages::other_photo_of(std::int64_t image, std::int64_t face) const {
@@ -100,7 +110,9 @@ std::optional<Face> TrainingImages::turned(std::int64_t image, const Face& face)
     if (rng.uniform() >= turned_photos_) return std::nullopt;
     const double yaw = most_yaw * (2.0 * rng.uniform() - 1.0);
     const double pitch = most_pitch * (2.0 * rng.uniform() - 1.0);
-    return turned_face(face, builtin_head(), yaw, pitch);
+    std::optional<Face> result = turned_face(face, builtin_head(), yaw, pitch);
+    if (result && check_ && check_(result->pose, result->intrinsics)) return std::nullopt;
+    return result;
 }
 
 std::optional<Rng> TrainingImages::augmentation_of(std::int64_t image) const {

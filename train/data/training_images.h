@@ -19,9 +19,11 @@ class TrainingImages {
 public:
     /// Of `config`, `mirror` and the three shares of photos are read. `smallest_target` as in
     /// make_batch. When an image is loaded, the operating system is told to read the image that is
-    /// used `ahead` images later; 0: it is not. The data set must outlive this object.
+    /// used `ahead` images later; 0: it is not. A face is not turned to where `check` objects to
+    /// its camera. The data set must outlive this object.
     TrainingImages(const Dataset& faces, const DataConfig& config, const Rng& rng,
-                   std::int64_t smallest_target = 64, std::int64_t ahead = 0);
+                   std::int64_t smallest_target = 64, std::int64_t ahead = 0,
+                   CameraCheck check = {});
 
     /// The batch of images [first_image, first_image + count), `largest_target` as in make_batch.
     /// Thread-safe.
@@ -33,6 +35,8 @@ public:
     }
     /// The number of photos in whose place another one of the same person may be encoded.
     [[nodiscard]] std::int64_t photos_with_partner() const;
+    /// The number of photos that may be shown turned: those with a pose and a code.
+    [[nodiscard]] std::int64_t photos_to_turn() const;
     /// Seconds in which threads waited for the disk, summed over all threads.
     [[nodiscard]] double waiting_seconds() const { return faces_.waiting_seconds(); }
 
@@ -65,6 +69,7 @@ private:
     Rng rng_;
     std::int64_t smallest_target_;
     std::int64_t ahead_;
+    CameraCheck check_;
     mutable std::mutex mutex_;
     /// The orders of the last two passes, because shuffling a million faces for each batch would be
     /// slow.

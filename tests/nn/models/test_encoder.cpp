@@ -458,6 +458,11 @@ TEST_CASE("an identity backbone without its weights is refused with the key", "[
                }),
                Catch::Contains("encoder.identity_weights: no weights for mobilefacenet"));
     CHECK_NOTHROW(require_backbone_weights({.backbone = "small_conv"}));
+    CHECK_THAT(test::error_message<ConfigError>([] {
+                   require_backbone_weights(
+                       {.backbone = "small_conv", .identity_weights = "mobilefacenet.safetensors"});
+               }),
+               Catch::Contains("encoder.identity_weights: there is no such network"));
 }
 
 TEST_CASE("published weights of the wrong network or shape are refused by name", "[encoder]") {

@@ -237,7 +237,7 @@ TEST_CASE(
     for (const char* part : {"hair", "l_ear", "ear_r"})
         write_image(folder / ("CelebAMask-HQ-mask-anno/0/00002_" + std::string(part) + ".png"),
                     mask_of(32, 1.0F, 0.0F));
-    write_image(folder / "CelebAMask-HQ-mask-anno/0/00002_skin.png", mask_of(32, 0.0F, 1.0F));
+    write_image(folder / "CelebAMask-HQ-mask-anno/0/00002_skin.png", mask_of(32, 0.0F, 1.0F / 255));
     write_image(folder / "CelebAMask-HQ-mask-anno/0/00003_hair.png", mask_of(32, 1.0F, 0.0F));
 
     const Dataset faces = open(folder);

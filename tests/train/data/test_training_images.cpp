@@ -78,6 +78,10 @@ TEST_CASE("what two photos share is read from the other one", "[dataset]") {
     write_file(folder / "faces/faces.jsonl", named);
     const TrainConfig config = tiny_train_config();
     const Dataset faces(folder / "faces", 64, config.data, Split::all);
+    CHECK(faces.summary().divided_people == 0);
+    const Dataset held_out(folder / "faces", 64, {.test = 2, .validation = 0}, Split::test);
+    CHECK_THAT(held_out.summary().text(),
+               Catch::Contains("; 1 person has photos in another part of the split too"));
     Rng rng(1);
     const Model model(config.model, rng);
     const auto codes_of = [&](std::int64_t face) {
@@ -163,6 +167,13 @@ TEST_CASE("a turned face is rendered from the code of its photo", "[dataset]") {
         yaws.insert(turn);
     }
     CHECK(yaws.size() == static_cast<std::size_t>(faces.size()));
+    CHECK(images.photos_to_turn() == faces.size());
+
+    // Not to where the model cannot render it.
+    const TrainingImages frontal(faces, {.turned_photos = 1.0}, Rng(3), 64, 0,
+                                 [](const Pose&, const Intrinsics&) { return "no"; });
+    for (std::int64_t image = 0; image < faces.size(); ++image)
+        CHECK_FALSE(frontal.batch(image, 1).other_input.defined());
 
     int turned = 0;
     const TrainingImages some(faces, {.turned_photos = 0.25}, Rng(3));
