@@ -271,9 +271,6 @@ void check(const TrainConfig& config, const std::string& source) {
     if (!uses_encoder(config.model) && config.data.turned_photos > 0.0)
         fail<ConfigError>(source, ": codes.source = ", config.model.code_source,
                           " needs data.turned_photos = 0: no encoder reads the photo");
-    if (!uses_encoder(config.model) && config.data.augmented_photos > 0.0)
-        fail<ConfigError>(source, ": codes.source = ", config.model.code_source,
-                          " needs data.augmented_photos = 0: the code is that of the photo");
     if (config.model.decoder.rays.near_z <= config.model.decoder.rays.far_z) {
         fail<ConfigError>(source, ": decoder.near_z = ", config.model.decoder.rays.near_z,
                           ": must be above decoder.far_z = ", config.model.decoder.rays.far_z);

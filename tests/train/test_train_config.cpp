@@ -183,8 +183,6 @@ TEST_CASE("codes of the data do not go with mirrored photos", "[train_config]") 
                Catch::Contains("loss.identity_weight needs loss.identity_network"));
     CHECK_THAT(refusal({"loss.side_identity_weight=0.1"}),
                Catch::Contains("loss.side_identity_weight needs loss.identity_network"));
-    CHECK_THAT(refusal({"codes.source=morphable", "data.augmented_photos=0.5"}),
-               Catch::Contains("codes.source = morphable needs data.augmented_photos = 0"));
     CHECK_THAT(refusal({"codes.source=morphable", "data.other_photo=0.5"}),
                Catch::Contains("codes.source = morphable needs data.other_photo = 0"));
     CHECK_THAT(refusal({"codes.source=morphable", "data.turned_photos=0.5"}),

@@ -154,9 +154,6 @@ void describe(ConfigSchema& schema, DataConfig& config) {
     schema.number("data.turned_photos", config.turned_photos, 0.0, 1.0,
                   "share of the images with a pose and a code of the built-in head whose face is "
                   "shown turned, by its linear head; the photo's code has to render it");
-    schema.number("data.augmented_photos", config.augmented_photos, 0.0, 1.0,
-                  "share of the images whose face has its colours changed at random, and its "
-                  "proportions too if its own photo is encoded");
     schema.integer(
         "data.cache_megabytes", config.cache_megabytes, 0, 10000000,
         "memory for decoded faces at the training size; a larger set is decoded again at each use");

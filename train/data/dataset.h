@@ -27,15 +27,11 @@ struct DataConfig {
     /// Share of the images with a pose and a code of the built-in head that are seen from another
     /// side (turned_face.h), with the code of the photo itself.
     double turned_photos = 0.0;
-    /// Share of the images whose face gets other colours, and if its own photo is encoded other
-    /// proportions (augmented_face.h). Its code stays.
-    double augmented_photos = 0.0;
     std::int64_t cache_megabytes = 2048;
 };
 
 /// Binds "data.split.test", "data.split.val", "data.split.held_out", "data.mirror",
-/// "data.other_photo", "data.turned_photos", "data.augmented_photos",
-/// "data.cache_megabytes".
+/// "data.other_photo", "data.turned_photos", "data.cache_megabytes".
 void describe(ConfigSchema& schema, DataConfig& config);
 
 /// With `held_out` "first" the sorted ids are divided into test, validation, training; with "last"

@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "render/morphable/builtin_head.h"
-#include "train/data/augmented_face.h"
 #include "train/data/turned_face.h"
 
 namespace stymo {
@@ -42,7 +41,6 @@ TrainingImages::TrainingImages(const Dataset& faces, const DataConfig& config, c
       mirror_(config.mirror),
       other_photo_(config.other_photo),
       turned_photos_(config.turned_photos),
-      augmented_photos_(config.augmented_photos),
       person_of_(static_cast<std::size_t>(faces.size()), -1),
       rng_(rng),
       smallest_target_(smallest_target),
@@ -115,30 +113,17 @@ std::optional<Face> TrainingImages::turned(std::int64_t image, const Face& face)
     return result;
 }
 
-std::optional<Rng> TrainingImages::augmentation_of(std::int64_t image) const {
-    if (augmented_photos_ == 0.0) return std::nullopt;
-    Rng rng = rng_.split("augmented").split(static_cast<std::uint64_t>(image));
-    if (rng.uniform() >= augmented_photos_) return std::nullopt;
-    return rng;
-}
-
 TrainingImages::Trio TrainingImages::trio(std::int64_t image) const {
     const std::int64_t index = face_of(image);
     const std::int64_t other = other_photo_of(image, index);
     const bool mirror =
         mirror_ && rng_.split("mirror").split(static_cast<std::uint64_t>(image)).below(2) == 1;
-    const std::optional<Rng> augmentation = augmentation_of(image);
-    const auto as_shown = [&](const Face& face) {
-        const Face colored = augmentation ? recolored(face, augmentation->split("colors")) : face;
-        return mirror ? mirrored(colored) : colored;
-    };
+    const auto as_shown = [mirror](const Face& face) { return mirror ? mirrored(face) : face; };
     // In place of a broken file the data set returns a photo of somebody else.
     const auto is_of = [this](const Face& face, std::int64_t photo) {
         return face.id == faces_.ids()[static_cast<std::size_t>(photo)];
     };
-    Face face = faces_.load(index);
-    // Another photo of the person would have to be bent in the same way in space.
-    if (augmentation && other == index) face = bent(face, augmentation->split("proportions"));
+    const Face face = faces_.load(index);
     const std::optional<Face> view = turned(image, face);
     const Face shown = as_shown(view ? *view : face), own = as_shown(face);
     if (other != index && is_of(face, index))

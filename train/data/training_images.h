@@ -17,7 +17,7 @@ namespace stymo {
 /// shuffled differently. The n-th image is a pure function of data set and generator.
 class TrainingImages {
 public:
-    /// Of `config`, `mirror` and the three shares of photos are read. `smallest_target` as in
+    /// Of `config`, `mirror` and the two shares of photos are read. `smallest_target` as in
     /// make_batch. When an image is loaded, the operating system is told to read the image that is
     /// used `ahead` images later; 0: it is not. A face is not turned to where `check` objects to
     /// its camera. The data set must outlive this object.
@@ -54,8 +54,6 @@ private:
     /// The photo of the same person that the encoder sees for image `image`, or the face itself.
     [[nodiscard]] std::int64_t other_photo_of(std::int64_t image, std::int64_t face) const;
     [[nodiscard]] Trio trio(std::int64_t image) const;
-    /// The generator of the changes of an image's colours and proportions, for some of the images.
-    [[nodiscard]] std::optional<Rng> augmentation_of(std::int64_t image) const;
     /// The face turned by a random angle, for some of the images.
     [[nodiscard]] std::optional<Face> turned(std::int64_t image, const Face& face) const;
 
@@ -63,7 +61,6 @@ private:
     bool mirror_;
     double other_photo_;
     double turned_photos_;
-    double augmented_photos_;
     std::vector<std::vector<std::int64_t>> people_;  ///< of each person with several photos
     std::vector<std::int64_t> person_of_;            ///< of each face the index into people_, or -1
     Rng rng_;

@@ -183,44 +183,6 @@ TEST_CASE("a turned face is rendered from the code of its photo", "[dataset]") {
     CHECK(std::abs(turned - 100) < 43);
 }
 
-TEST_CASE("an augmented photo is what the encoder sees and what the code renders", "[dataset]") {
-    const Dataset faces(synthetic_folder(), 64, tiny_train_config().data, Split::all);
-    const auto photo_of = [&](const FaceBatch& batch) {
-        return faces.load(std::ranges::find(faces.ids(), batch.ids[0]) - faces.ids().begin());
-    };
-    const TrainingImages all(faces, {.augmented_photos = 1.0}, Rng(3));
-    for (std::int64_t image = 0; image < faces.size(); ++image) {
-        const FaceBatch batch = all.batch(image, 1),
-                        plain = make_batch(std::vector{photo_of(batch)});
-        CHECK_FALSE(batch.other_input.defined());
-        CHECK_FALSE(identical(batch.mask, plain.mask));
-        CHECK(identical(batch.input, all.batch(image, 1).input));
-        // Where the head is, the target shows what the encoder sees.
-        const std::span<const float> seen = batch.input.values<float>(),
-                                     target = batch.targets.back().values<float>(),
-                                     mask = batch.mask.values<float>();
-        float difference = 0.0F;
-        for (std::size_t i = 0; i < seen.size(); ++i)
-            if (mask[i / 3] == 1.0F)
-                difference = std::max(difference, std::abs(seen[i] - target[i]));
-        CHECK(difference < 1e-6F);
-    }
-
-    // A face that is turned is encoded from its own photo with the same changes.
-    const TrainingImages turned(faces, {.turned_photos = 1.0, .augmented_photos = 1.0}, Rng(3));
-    CHECK(identical(turned.batch(0, 1).input, all.batch(0, 1).input));
-    CHECK_FALSE(identical(turned.batch(0, 1).mask, all.batch(0, 1).mask));
-
-    int augmented = 0;
-    const TrainingImages some(faces, {.augmented_photos = 0.25}, Rng(3));
-    for (std::int64_t image = 0; image < 400; ++image) {
-        const FaceBatch batch = some.batch(image, 1);
-        if (!identical(batch.input, make_batch(std::vector{photo_of(batch)}).input)) ++augmented;
-    }
-    // Five standard deviations are 43.
-    CHECK(std::abs(augmented - 100) < 43);
-}
-
 TEST_CASE("in place of a broken photo no other person's identity is read", "[dataset]") {
     const ScratchFolder folder;
     std::filesystem::copy(synthetic_folder(), folder / "faces",
