@@ -33,7 +33,7 @@ bool lacks_weights(const std::string& backbone, const std::string& file) {
 
 void require_weights(const std::string& backbone, const std::string& file, const char* key,
                      const char* or_else) {
-    if (backbone == no_backbone && !file.empty())
+    if (backbone == no_backbone && !file.empty() && file != random_backbone)
         fail<ConfigError>(key, ": there is no such network to read ", file,
                           "; leave the key out, or set the backbone to other than none");
     if (!lacks_weights(backbone, file)) return;

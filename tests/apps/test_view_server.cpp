@@ -241,7 +241,7 @@ TEST_CASE("what is left of a refused request is not taken for the next one", "[v
         {"a page with a body",
          "GET / HTTP/1.1\r\nHost: " + running.host() + length + "\r\n\r\n" + hidden, 400},
         {"a page in chunks",
-         "HEAD / HTTP/1.1\r\nHost: " + running.host() + "\r\nTransfer-Encoding: chunked\r\n\r\n" +
+         "GET / HTTP/1.1\r\nHost: " + running.host() + "\r\nTransfer-Encoding: chunked\r\n\r\n" +
              chunk,
          400},
         {"no such page", "GET /page/none.js HTTP/1.1\r\nHost: " + running.host() + "\r\n\r\n", 404},
