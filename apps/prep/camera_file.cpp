@@ -63,7 +63,9 @@ Intrinsics intrinsics_of(const Json& object, const Intrinsics& otherwise) {
         if (!camera[key].is_number()) fail<FileError>("\"camera\": \"", key, "\" is not a number");
         return camera[key].get<double>();
     };
-    return {.focal = number("focal", otherwise.focal),
+    const double focal = number("focal", otherwise.focal);
+    if (!(focal > 0.0)) fail<FileError>("\"camera\": the focal length ", focal, " is not positive");
+    return {.focal = focal,
             .center_x = number("cx", otherwise.center_x),
             .center_y = number("cy", otherwise.center_y)};
 }

@@ -159,6 +159,7 @@ bool has_no_body(const httplib::Request& request) {
 
 bool has_unread_body(const httplib::Request& request) {
     return has_no_body(request) && (request.has_header("Transfer-Encoding") ||
+                                    request.get_header_value_count("Content-Length") > 1 ||
                                     (request.has_header("Content-Length") &&
                                      request.get_header_value("Content-Length") != "0"));
 }

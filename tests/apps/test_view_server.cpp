@@ -240,6 +240,10 @@ TEST_CASE("what is left of a refused request is not taken for the next one", "[v
         {"ranges", own + length + "\r\nRange: bytes=0-1,0-1\r\n\r\n" + hidden, 416},
         {"a page with a body",
          "GET / HTTP/1.1\r\nHost: " + running.host() + length + "\r\n\r\n" + hidden, 400},
+        {"a page with two lengths",
+         "GET / HTTP/1.1\r\nHost: " + running.host() + "\r\nContent-Length: 0" + length +
+             "\r\n\r\n" + hidden,
+         400},
         {"a page in chunks",
          "GET / HTTP/1.1\r\nHost: " + running.host() + "\r\nTransfer-Encoding: chunked\r\n\r\n" +
              chunk,
