@@ -48,10 +48,12 @@ TEST_CASE("stymo-eval people reads the names of a folder") {
     std::string line, named;
     for (int number = 0; std::getline(lines, line); ++number) {
         json record = json::parse(line);
-        if (number < 4) record["person"] = number < 2 ? "one" : "two";
+        if (number < 4 || record["id"] == "00011") record["person"] = number < 2 ? "one" : "two";
         named += record.dump() + "\n";
     }
     write_file(list, named);
+    // The third photo of person "two" cannot be read, and is passed over.
+    write_file(scratch.path() / "faces/images/00011.png", "no image");
     PeopleOptions options;
     options.model = {tiny_run() / "run/model.safetensors", {}};
     options.data = scratch.path() / "faces";

@@ -293,7 +293,9 @@ TEST_CASE("What is no pose is named") {
     const fs::path& folder = tiny_run();
     stymo::write_file(folder / "seven.txt", "1 2 3 4 5 6 7");
     stymo::write_file(folder / "many.jsonl", "{\"id\": \"a\"}\n{\"id\": \"b\"}\n");
+    stymo::write_file(folder / "flat.json", R"({"yaw_deg": 3, "camera": {"focal": 0}})");
     const std::vector<std::pair<std::string, std::string>> calls = {
+        {"flat.json", "flat.json: "},
         {"seven.txt", "seven.txt: holds 7 numbers"},
         {"text.png", "text.png: neither JSON nor numbers"},
         {"many.jsonl", "name one with --id"},

@@ -189,6 +189,24 @@ TEST_CASE("The gradient of a fit is that of its whole objective, samples left ou
     }
 }
 
+TEST_CASE("A side that planes fixed in the world cannot render is left out of a fit", "[fitter]") {
+    Photo photo(DType::float32);
+    REQUIRE(photo.model.config().decoder.depth_planes == "world_z");
+    photo.faces.cameras = {model_camera(photo.model, 1.0, 0.0, 0.0)};
+    FitProblem problem(
+        photo.model, photo.loss, photo.faces,
+        {.initial = photo.codes, .weights = {.identity = 0.3}, .samples_per_ray = samples});
+    static_cast<void>(problem.choose_images(0));
+    REQUIRE(problem.select_samples());
+    const auto terms = [&](std::int64_t step) {
+        problem.choose_side(step);
+        return problem.evaluate().terms.size();
+    };
+    const std::size_t without = terms(0);
+    CHECK(terms(1) == without + 1);  // from 0.5
+    CHECK(terms(3) == without);      // from 1.5
+}
+
 namespace {
 
 /// What tuning minimises in a step with the photo, and with an anchor.
