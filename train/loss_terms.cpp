@@ -43,14 +43,7 @@ Variable mask_term(const LossInputs& in, LossValues&) {
 }
 
 Variable opacity_term(const LossInputs& in, LossValues&) {
-    const Variable& transmittance = in.decoded.weights.transmittance;
-    const std::int64_t rays = in.batch.ray_mask.shape(1);
-    if (transmittance.shape(1) == rays * rays)
-        return opacity_loss(transmittance, in.batch.ray_mask, known_at(in.batch.known, rays, rays));
-    // A field without render blocks has a ray for each pixel.
-    const int side = static_cast<int>(in.decoded.images.back().shape(1));
-    return opacity_loss(transmittance, resize_box(in.batch.mask, side, side).value(),
-                        known_at(in.batch.known, side, side));
+    return opacity_error(in.decoded, in.batch);
 }
 
 Variable depth_variance_term(const LossInputs& in, LossValues&) {

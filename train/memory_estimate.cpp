@@ -5,6 +5,7 @@
 
 #include "core/error.h"
 #include "core/machine_limits.h"
+#include "nn/models/code_correction.h"
 #include "train/gradient_sums.h"
 #include "train/loss_terms.h"
 
@@ -77,6 +78,7 @@ std::int64_t generator_numbers(const Model& model, const ReconstructionLoss& los
                                phase.micro_batch));
     if (phase.stage == 1 && model.has_encoder())
         memory.saved += phase.micro_batch * encoded * model.encoder().backbone().saved();
+    memory.add(correction_memory(model));
     memory.add(loss.memory(phase.resolution));
     if (config.loss.compares_identity())
         memory.add({0, phase.micro_batch * IdentityNetwork::saved_per_image});

@@ -29,14 +29,15 @@ ReconstructionStage::ReconstructionStage(const TrainingParts& parts)
 
 std::vector<Parameter> ReconstructionStage::unfreeze(const TrainingPosition& position) {
     const TrainConfig& config = parts_.config;
-    const bool frozen = parts_.images.epochs(position.first_image) <
-                            static_cast<double>(config.optimizer.backbone_frozen_epochs) &&
-                        is_pretrained(config.model.encoder);
-    std::vector<std::string> prefixes{"encoder.heads."};
+    const bool backbone_waits = parts_.images.epochs(position.first_image) <
+                                    static_cast<double>(config.optimizer.backbone_frozen_epochs) &&
+                                is_pretrained(config.model.encoder);
+    std::vector<std::string> prefixes{"encoder.corrector."};
+    if (!config.stage1.encoder_frozen) prefixes.emplace_back("encoder.heads.");
+    if (!config.stage1.encoder_frozen && !backbone_waits) prefixes.emplace_back(backbone_prefix);
     if (!config.stage1.decoder_frozen)
         std::ranges::copy(trained_decoder_prefixes(parts_.model, position),
                           std::back_inserter(prefixes));
-    if (!frozen) prefixes.emplace_back(backbone_prefix);
     std::vector<Parameter> parameters = unfreeze_only(parts_.model.parameters(), prefixes);
     if (parts_.offsets != nullptr) {
         ParameterStore& offsets = parts_.offsets->parameters();

@@ -87,6 +87,9 @@ void describe_stage1(ConfigSchema& schema, StageConfig& config) {
                   "half life of the EMA of the weights, in images; 0: no EMA is kept");
     schema.boolean("stage1.decoder_frozen", config.decoder_frozen,
                    "the decoder stays as it is, and the encoder alone learns (paper: false)");
+    schema.boolean("stage1.encoder_frozen", config.encoder_frozen,
+                   "the encoder's backbone and heads stay as they are; its corrections "
+                   "(encoder.corrections) still learn (paper: false)");
     schema.integer("stage1.pose_interval", config.pose_interval, 0, 1'000'000,
                    "every n-th step also learns offsets of the poses of its photos (paper: future "
                    "work); 0: no step does");
@@ -261,6 +264,14 @@ void check(const TrainConfig& config, const std::string& source) {
     if (config.model.encoder.identity_from_both &&
         config.model.encoder.identity_backbone == no_backbone)
         fail<ConfigError>(source, ": encoder.identity_from_both needs encoder.identity_backbone");
+    if (!uses_encoder(config.model) && config.model.encoder.corrections > 0)
+        fail<ConfigError>(source, ": codes.source = ", config.model.code_source,
+                          " needs encoder.corrections = 0: an encoder's codes are corrected");
+    if (config.stage1.encoder_frozen && config.stage1.decoder_frozen &&
+        config.model.encoder.corrections == 0)
+        fail<ConfigError>(source,
+                          ": with stage1.encoder_frozen and stage1.decoder_frozen only "
+                          "encoder.corrections learn; give some");
     if (config.optimizer.sample_tolerance > 0.0 &&
         config.model.decoder.conditioning == "concatenation")
         fail<ConfigError>(source,

@@ -62,9 +62,11 @@ struct StageConfig {
     /// Side of the largest image that is rendered and compared; 0: the decoder's resolution.
     std::int64_t resolution = 0;
     double average_half_life = 0.0;  ///< half life of the EMA of the weights, in images; 0: no EMA
-    /// Only the encoder learns, and offsets of photos where they are asked for; those of sources
-    /// stay as they are.
+    /// The decoder and the offsets of sources stay as they are. The encoder learns, and offsets of
+    /// photos where they are asked for.
     bool decoder_frozen = false;
+    /// The encoder's backbone and heads stay as they are.
+    bool encoder_frozen = false;
     /// Every n-th step also learns offsets of the poses of its photos; 0: no step does.
     std::int64_t pose_interval = 0;
 };

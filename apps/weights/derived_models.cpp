@@ -57,6 +57,7 @@ void require_wider(const ModelConfig& narrow, const ModelConfig& wide) {
     if (narrow.encoder.backbone == "small_conv" && wide.encoder.backbone == "small_residual")
         same.encoder.backbone = narrow.encoder.backbone;
     if (!narrow.encoder.identity_from_both) same.encoder.identity_from_both = false;
+    if (narrow.encoder.corrections == 0) same.encoder.corrections = 0;
     if (narrow.encoder.expression_backbone == no_backbone) {
         same.encoder.expression_backbone = no_backbone;
         same.encoder.expression_weights.clear();
@@ -66,8 +67,8 @@ void require_wider(const ModelConfig& narrow, const ModelConfig& wide) {
             "widening changes decoder.field_width, .feature_channels, .block_channels and "
             ".mask_channels, enlarges decoder.resolution with "
             "reconstruction.resolution_weights, turns encoder.backbone from small_conv to "
-            "small_residual, and adds encoder.identity_backbone, .identity_from_both and "
-            ".expression_backbone, only");
+            "small_residual, and adds encoder.identity_backbone, .identity_from_both, "
+            ".expression_backbone and .corrections, only");
     const auto times = static_cast<std::uint64_t>(to.resolution / from.resolution);
     const std::size_t needed =
         resolution_ladder(from).count() + static_cast<std::size_t>(std::bit_width(times)) - 1;

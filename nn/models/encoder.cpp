@@ -166,6 +166,9 @@ void describe(ConfigSchema& schema, EncoderConfig& config) {
                   "a backbone that is never trained, from which alone expression is read");
     schema.text("encoder.expression_weights", config.expression_weights,
                 ".safetensors file with published weights of the expression backbone");
+    schema.integer("encoder.corrections", config.corrections, 0, 16,
+                   "times that a photo's codes are rendered, compared with the photo and corrected "
+                   "by a learnt step");
     schema.integer("encoder.head_width", config.head_width, 2, 8192,
                    "width of the semantic heads: embedding, width, width / 2, code");
 }

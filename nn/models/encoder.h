@@ -31,6 +31,7 @@ struct EncoderConfig {
     /// alone.
     std::string expression_backbone = "none";
     std::string expression_weights{};
+    std::int64_t corrections = 0;  ///< of the heads' codes by a CodeCorrector
 };
 
 /// Binds the fields under "encoder." .

@@ -8,6 +8,8 @@
 #include "core/ops/resample.h"
 #include "core/ops/shape_ops.h"
 #include "nn/known_pixels.h"
+#include "nn/losses.h"
+#include "nn/models/code_correction.h"
 
 namespace stymo {
 namespace {
@@ -145,6 +147,17 @@ bool FaceBatch::has_codes() const {
     return std::ranges::any_of(present, [](double value) { return value > 0.0; });
 }
 
+Variable opacity_error(const Decoded& decoded, const FaceBatch& batch) {
+    const Variable& transmittance = decoded.weights.transmittance;
+    const std::int64_t rays = batch.ray_mask.shape(1);
+    if (transmittance.shape(1) == rays * rays)
+        return opacity_loss(transmittance, batch.ray_mask, known_at(batch.known, rays, rays));
+    // A field without render blocks has a ray for each pixel.
+    const int side = static_cast<int>(decoded.images.back().shape(1));
+    return opacity_loss(transmittance, resize_box(batch.mask, side, side).value(),
+                        known_at(batch.known, side, side));
+}
+
 namespace {
 
 Codes encoded(const Model& model, const FaceBatch& batch) {
@@ -166,7 +179,7 @@ Codes encoded(const Model& model, const FaceBatch& batch) {
 }  // namespace
 
 Codes face_codes(const Model& model, const FaceBatch& batch) {
-    if (uses_encoder(model.config())) return encoded(model, batch);
+    if (uses_encoder(model.config())) return corrected(model, batch, encoded(model, batch));
     const std::vector<double> present = batch.code_present.defined()
                                             ? batch.code_present.to_vector()
                                             : std::vector<double>(batch.cameras.size());

@@ -85,7 +85,11 @@ struct FaceBatch {
 void read_people_from(FaceBatch& batch, std::span<const Face> own, std::span<const Face> others,
                       std::vector<Shared> shared);
 
-/// Initial codes of the batch's faces in Z: from the encoder, or from `batch.codes` if the model
+/// Cross-entropy of the opacity of the rays against the batch's masks (opacity_loss).
+[[nodiscard]] Variable opacity_error(const Decoded& decoded, const FaceBatch& batch);
+
+/// Initial codes of the batch's faces in Z: from the encoder with its corrections
+/// (nn/models/code_correction.h), or from `batch.codes` if the model
 /// has no encoder. Throws ValueError, which names the first face whose code is missing.
 [[nodiscard]] Codes face_codes(const Model& model, const FaceBatch& batch);
 

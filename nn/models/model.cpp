@@ -9,8 +9,8 @@ namespace stymo {
 
 namespace {
 
-constexpr const char* format_key = "format";
-constexpr const char* format_name = "stymo-model-1";
+constexpr const char* model_format_key = "format";
+constexpr const char* model_format = "stymo-model-1";
 constexpr const char* config_key = "config";
 constexpr const char* psnr_key = "validation_psnr";
 
@@ -86,6 +86,10 @@ Model::Model(const ModelConfig& config, Rng& rng, ModelParts parts, ParameterSto
           parts == ModelParts::all && uses_encoder(config)
               ? std::optional<Encoder>(std::in_place, config.encoder, parameters_, "encoder", rng)
               : std::nullopt),
+      corrector_(encoder_ && config.encoder.corrections > 0
+                     ? std::optional<CodeCorrector>(std::in_place, parameters_, "encoder.corrector",
+                                                    encoder_->knows_faces() ? 2 : 1, rng)
+                     : std::nullopt),
       decoder_(config.decoder, parameters_, "decoder", rng) {}
 
 const Encoder& Model::encoder() const {
@@ -101,12 +105,12 @@ const Encoder& Model::encoder() const {
 
 Model Model::load(const std::filesystem::path& path, ModelParts parts) {
     const TensorFile file = read_tensor_file(path);
-    const auto format = file.metadata.find(format_key);
+    const auto format = file.metadata.find(model_format_key);
     const auto text = file.metadata.find(config_key);
-    if (format == file.metadata.end() || format->second != format_name ||
+    if (format == file.metadata.end() || format->second != model_format ||
         text == file.metadata.end()) {
         fail<FileError>(path.string(), R"(: not a model of stymo (its metadata lack "format": ")",
-                        format_name, R"(" or "config"))");
+                        model_format, R"(" or "config"))");
     }
     ModelConfig config;
     ConfigSchema schema;
@@ -146,7 +150,7 @@ void Model::save(const std::filesystem::path& path) const {
     if (!has_encoder() && uses_encoder(config_))
         fail<ValueError>(path.string(), ": a model without its encoder is not saved");
     TensorFile file;
-    file.metadata[format_key] = format_name;
+    file.metadata[model_format_key] = model_format;
     file.metadata[config_key] = to_json(config_);
     if (validation_psnr_) file.metadata[psnr_key] = std::to_string(*validation_psnr_);
     parameters_.save(file);

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "nn/models/code_corrector.h"
 #include "nn/models/code_statistics.h"
 #include "nn/models/decoder.h"
 #include "nn/models/encoder.h"
@@ -89,6 +90,10 @@ public:
     [[nodiscard]] const ParameterStore& parameters() const { return parameters_; }
     /// Throws ValueError for a model without an encoder, and if only the decoder was loaded.
     [[nodiscard]] const Encoder& encoder() const;
+    /// Null without encoder.corrections.
+    [[nodiscard]] const CodeCorrector* corrector() const {
+        return corrector_ ? &*corrector_ : nullptr;
+    }
     [[nodiscard]] bool has_encoder() const { return encoder_.has_value(); }
     [[nodiscard]] const Decoder& decoder() const { return decoder_; }
     /// Statistics of the codes of the training faces, if the model's file has them. They are added
@@ -106,6 +111,7 @@ private:
     ModelConfig config_;
     ParameterStore parameters_;
     std::optional<Encoder> encoder_;
+    std::optional<CodeCorrector> corrector_;
     Decoder decoder_;
     std::optional<CodeStatistics> code_statistics_;
     std::optional<double> validation_psnr_;

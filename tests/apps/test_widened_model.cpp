@@ -10,6 +10,7 @@
 #include "core/ops/resample.h"
 #include "nn/layers/render_block.h"
 #include "nn/models/code_file.h"
+#include "nn/models/face_batch.h"
 #include "nn/realtime/view.h"
 #include "support/check_close.h"
 #include "support/error_message.h"
@@ -141,6 +142,22 @@ TEST_CASE("an encoder with residual blocks and more for identity gives the same 
     CHECK(values_of(enlarged).at("encoder.heads.id.wide.weight").shape()[1] == 128 + 256);
     CHECK(enlarged.parameters().element_count("encoder.backbone.residual") == 479'872);
     CHECK_THAT(refusal({"encoder.backbone=landmarks"}), Catch::StartsWith("widening changes"));
+}
+
+TEST_CASE("corrections that are added to a model change no code before they learn", "[model]") {
+    const ScratchFolder folder;
+    deep_model(3).save(folder / "narrow.safetensors");
+    widen_model(folder / "narrow.safetensors", folder / "wide.safetensors",
+                std::vector<std::string>{"encoder.corrections=2"});
+    const Model narrow = Model::load(folder / "narrow.safetensors");
+    const Model wide = Model::load(folder / "wide.safetensors");
+    REQUIRE(wide.corrector() != nullptr);
+    Face face;
+    face.image = Rng(4).uniform({32, 32, 3}, 0.0, 1.0);
+    face.mask = Tensor::full({32, 32, 1}, 1.0);
+    const FaceBatch batch = make_batch({&face, 1}, 16);
+    CHECK(identical(joined(face_codes(narrow, batch)).value(),
+                    joined(face_codes(wide, batch)).value()));
 }
 
 TEST_CASE("a number of channels that no block had is that of the new block", "[model]") {

@@ -191,6 +191,11 @@ TEST_CASE("codes of the data do not go with mirrored photos", "[train_config]") 
                Catch::Contains("choose muon_encoder or adam"));
     CHECK_THAT(refusal({"encoder.identity_from_both=true"}),
                Catch::Contains("encoder.identity_from_both needs encoder.identity_backbone"));
+    CHECK_THAT(refusal({"stage1.encoder_frozen=true", "stage1.decoder_frozen=true",
+                        "optimizer.matrices=adam"}),
+               Catch::Contains("only encoder.corrections learn; give some"));
+    CHECK_THAT(refusal({"codes.source=morphable", "data.mirror=false", "encoder.corrections=1"}),
+               Catch::Contains("codes.source = morphable needs encoder.corrections = 0"));
     CHECK_THAT(refusal({"encoder.identity_backbone=small_conv"}),
                Catch::Contains("encoder.identity_backbone"));
     CHECK_THAT(refusal({"decoder.conditioning=concatenation", "optimizer.sample_tolerance=0.001"}),

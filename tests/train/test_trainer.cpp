@@ -343,6 +343,15 @@ TEST_CASE("a frozen decoder stays where it is while the encoder learns", "[train
     check_still(config, {"decoder."});
 }
 
+TEST_CASE("of a frozen encoder and decoder the corrections learn alone", "[trainer]") {
+    TrainConfig config = tiny_train_config();
+    config.model.encoder.corrections = 1;
+    config.stage1.encoder_frozen = config.stage1.decoder_frozen = true;
+    // The zeros after its hidden layers pass no gradient at first.
+    check_still(config, {"encoder.backbone.", "encoder.heads.", "decoder.",
+                         "encoder.corrector.wide.", "encoder.corrector.narrow."});
+}
+
 TEST_CASE("a factor of zero keeps the backbone where it is", "[trainer]") {
     TrainConfig config = tiny_train_config();
     config.optimizer.backbone_factor = 0.0;
