@@ -57,7 +57,7 @@ void require_wider(const ModelConfig& narrow, const ModelConfig& wide) {
     if (narrow.encoder.backbone == "small_conv" && wide.encoder.backbone == "small_residual")
         same.encoder.backbone = narrow.encoder.backbone;
     if (!narrow.encoder.identity_from_both) same.encoder.identity_from_both = false;
-    if (narrow.encoder.corrections == 0) same.encoder.corrections = 0;
+    if (wide.encoder.corrections > 0) same.encoder.corrections = narrow.encoder.corrections;
     if (narrow.encoder.expression_backbone == no_backbone) {
         same.encoder.expression_backbone = no_backbone;
         same.encoder.expression_weights.clear();

@@ -158,6 +158,13 @@ TEST_CASE("corrections that are added to a model change no code before they lear
     const FaceBatch batch = make_batch({&face, 1}, 16);
     CHECK(identical(joined(face_codes(narrow, batch)).value(),
                     joined(face_codes(wide, batch)).value()));
+    const auto widen = [&](const std::string& setting) {
+        widen_model(folder / "wide.safetensors", folder / "other.safetensors",
+                    std::vector<std::string>{setting});
+    };
+    widen("encoder.corrections=3");
+    CHECK(Model::load(folder / "other.safetensors").config().encoder.corrections == 3);
+    CHECK_THROWS_AS(widen("encoder.corrections=0"), ConfigError);
 }
 
 TEST_CASE("a number of channels that no block had is that of the new block", "[model]") {
