@@ -113,8 +113,8 @@ AppResult evaluate_people(const PeopleOptions& options) {
             std::cerr << "skipped " << faces.files(i).id << ": " << error.what() << std::endl;
             continue;
         }
-        const Codes first = model.encoder()(
-            Variable(make_batch({&*face, 1}, model.decoder().ladder().smallest()).input));
+        const Codes first =
+            uncorrected_codes(model, make_batch({&*face, 1}, model.decoder().ladder().smallest()));
         std::vector<double> row = first.identity().value().to_vector();
         const std::vector<double> texture = first.texture().value().to_vector();
         row.insert(row.end(), texture.begin(), texture.end());

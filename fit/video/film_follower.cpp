@@ -84,7 +84,7 @@ std::vector<FrameInWork> key_frames(const PhotoPreparation& preparation, const M
 std::vector<FrameInWork> of_one_person(const Model& model, std::vector<FrameInWork> frames,
                                        std::int64_t count) {
     const FaceBatch batch = batch_of(model, frames, model.decoder().ladder().smallest());
-    const Tensor identity = face_codes(model, batch).identity().value().to(DType::float64);
+    const Tensor identity = uncorrected_codes(model, batch).identity().value().to(DType::float64);
     const Eigen::Map<const RowMajorMatrix<double>> codes = matrix_map<double>(identity);
     Eigen::Index middle = 0;
     double least = std::numeric_limits<double>::infinity();

@@ -179,7 +179,11 @@ Codes encoded(const Model& model, const FaceBatch& batch) {
 }  // namespace
 
 Codes face_codes(const Model& model, const FaceBatch& batch) {
-    if (uses_encoder(model.config())) return corrected(model, batch, encoded(model, batch));
+    return corrected(model, batch, uncorrected_codes(model, batch));
+}
+
+Codes uncorrected_codes(const Model& model, const FaceBatch& batch) {
+    if (uses_encoder(model.config())) return encoded(model, batch);
     const std::vector<double> present = batch.code_present.defined()
                                             ? batch.code_present.to_vector()
                                             : std::vector<double>(batch.cameras.size());

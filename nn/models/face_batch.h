@@ -92,5 +92,7 @@ void read_people_from(FaceBatch& batch, std::span<const Face> own, std::span<con
 /// (nn/models/code_correction.h), or from `batch.codes` if the model
 /// has no encoder. Throws ValueError, which names the first face whose code is missing.
 [[nodiscard]] Codes face_codes(const Model& model, const FaceBatch& batch);
+/// The same without corrections: faster, and more alike for photos of one person.
+[[nodiscard]] Codes uncorrected_codes(const Model& model, const FaceBatch& batch);
 
 }  // namespace stymo
