@@ -148,10 +148,7 @@ Variable seen_by_discriminator(const Variable& images, const FaceBatch& batch) {
 }
 
 std::int64_t aside_side(const ResolutionLadder& ladder, const TrainingPhase& phase) {
-    std::int64_t side = ladder.smallest();
-    for (const std::int64_t larger : ladder.sides())
-        if (larger <= std::min<std::int64_t>(phase.resolution, 128)) side = larger;
-    return side;
+    return ladder.largest_within(std::min<std::int64_t>(phase.resolution, 128));
 }
 
 std::span<const LossTerm> loss_terms() {

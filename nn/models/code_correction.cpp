@@ -1,16 +1,13 @@
 #include "nn/models/code_correction.h"
 
-#include <algorithm>
 #include <array>
 
 #include "core/autograd/grad.h"
 #include "core/ops/ops.h"
 #include "nn/image_augmentation.h"
 #include "nn/known_pixels.h"
-#include "nn/losses.h"
 #include "nn/models/camera_problem.h"
 #include "nn/models/identity_network.h"
-#include "nn/models/reconstruction.h"
 
 namespace stymo {
 namespace {
@@ -41,50 +38,57 @@ DecodeOptions decode_options(std::int64_t side) {
         .samples_per_ray = 12, .resolution = side, .gradient_tolerance = 0.001, .keep_field = true};
 }
 
-Variable with_known(const FaceBatch& face, const Variable& image) {
-    return where_known(known_at(face.known, image.shape(1), image.shape(2)), image, -1.0);
-}
-
-Variable image_error(const Decoded& decoded, const FaceBatch& face) {
-    Variable error = opacity_error(decoded, face) * opacity_weight;
-    for (std::size_t i = 0; i < face.targets.size(); ++i)
-        error = error + mean(square(with_known(face, decoded.images[i]) - face.targets[i]));
-    return error;
-}
-
-Variable feature_error(const Model& model, const Decoded& decoded, const FaceBatch& face) {
-    const Encoder& encoder = model.encoder();
-    const std::array frame{ffhq_frame(face.cameras.front(), model.config().camera)};
-    const auto embedding = [&](const Variable& image) {
-        return encoder.face_embedding(augmented(image, frame));
-    };
-    const Variable rendered = with_known(face, decoded.images.back());
-    const Tensor& target = face.targets.back();
-    const Variable who = -sum(embedding(rendered) * embedding(target)) * identity_weight;
-    if (!encoder.backbone().has_activations()) return who;
-    const EncoderDistance distance(encoder);
-    return who + sum(distance.distance_to(rendered, distance.features(target))) * perceptual_weight;
-}
-
 /// The codes (1, 306) of one face.
-Variable corrected_face(const Model& model, const FaceBatch& face, Variable codes) {
-    if (camera_problem(model.config().decoder, face.cameras.front())) return codes;
+Variable corrected_face(const Model& model, const CorrectionTarget& target, Variable codes) {
+    if (camera_problem(model.config().decoder, target.camera())) return codes;
     for (std::int64_t i = 0; i < model.config().encoder.corrections; ++i)
-        codes = (*model.corrector())(codes, correction_gradients(model, face, codes.value()));
+        codes = (*model.corrector())(codes, target.gradients(codes.value()));
     return codes;
 }
 
 }  // namespace
 
-std::vector<Tensor> correction_gradients(const Model& model, const FaceBatch& face,
-                                         const Tensor& codes) {
+CorrectionTarget::CorrectionTarget(const Model& model, const FaceBatch& batch, std::int64_t row)
+    : model_(model), face_(face_of(batch, row)) {
+    const Encoder& encoder = model.encoder();
+    if (!encoder.knows_faces()) return;
+    const Variable photo(face_.targets.back());
+    embedding_ = embedding_of(photo);
+    if (!encoder.backbone().has_activations()) return;
+    distance_.emplace(encoder);
+    features_ = distance_->features(photo);
+}
+
+std::vector<Tensor> CorrectionTarget::gradients(const Tensor& codes) const {
     const Variable leaf = Variable::leaf(codes);
-    const Decoded decoded = model.decoder()(split_codes(leaf), face.cameras,
-                                            decode_options(face.targets.back().shape(1)));
-    std::vector<Tensor> gradients{grad(image_error(decoded, face), leaf).value()};
-    if (model.encoder().knows_faces())
-        gradients.push_back(grad(feature_error(model, decoded, face), leaf).value());
+    const Decoded decoded = model_.decoder()(split_codes(leaf), face_.cameras,
+                                             decode_options(face_.targets.back().shape(1)));
+    std::vector<Tensor> gradients{grad(image_error(decoded), leaf).value()};
+    if (embedding_.defined()) gradients.push_back(grad(feature_error(decoded), leaf).value());
     return gradients;
+}
+
+Variable CorrectionTarget::image_error(const Decoded& decoded) const {
+    Variable error = opacity_error(decoded, face_) * opacity_weight;
+    for (std::size_t i = 0; i < face_.targets.size(); ++i)
+        error = error + mean(square(with_known(decoded.images[i]) - face_.targets[i]));
+    return error;
+}
+
+Variable CorrectionTarget::feature_error(const Decoded& decoded) const {
+    const Variable rendered = with_known(decoded.images.back());
+    const Variable who = -sum(embedding_of(rendered) * embedding_) * identity_weight;
+    if (!distance_) return who;
+    return who + sum(distance_->distance_to(rendered, features_)) * perceptual_weight;
+}
+
+Variable CorrectionTarget::embedding_of(const Variable& image) const {
+    const std::array frame{ffhq_frame(camera(), model_.config().camera)};
+    return model_.encoder().face_embedding(augmented(image, frame));
+}
+
+Variable CorrectionTarget::with_known(const Variable& image) const {
+    return where_known(known_at(face_.known, image.shape(1), image.shape(2)), image, -1.0);
 }
 
 Codes corrected(const Model& model, const FaceBatch& batch, const Codes& codes) {
@@ -92,15 +96,14 @@ Codes corrected(const Model& model, const FaceBatch& batch, const Codes& codes) 
     const Variable before = joined(codes);
     std::vector<Variable> rows;
     for (std::int64_t row = 0; row < codes.batch(); ++row)
-        rows.push_back(corrected_face(model, face_of(batch, row), slice(before, 0, row, row + 1)));
+        rows.push_back(corrected_face(model, CorrectionTarget(model, batch, row),
+                                      slice(before, 0, row, row + 1)));
     return split_codes(concat(rows, 0));
 }
 
 LayerMemory correction_memory(const Model& model) {
     if (model.corrector() == nullptr) return {};
-    std::int64_t side = model.decoder().ladder().smallest();
-    for (const std::int64_t larger : model.decoder().ladder().sides())
-        if (larger <= largest_side) side = larger;
+    const std::int64_t side = model.decoder().ladder().largest_within(largest_side);
     LayerMemory memory = model.decoder().memory(decode_options(side), 1);
     if (model.encoder().knows_faces()) memory.add({0, IdentityNetwork::saved_per_image});
     return {0, memory.saved + memory.transient};

@@ -1,6 +1,7 @@
 #include "nn/models/decoder_config.h"
 
 #include <algorithm>
+#include <iterator>
 
 #include "core/error.h"
 #include "nn/models/codes.h"
@@ -25,6 +26,11 @@ std::size_t ResolutionLadder::count_up_to(std::int64_t side) const {
 
 ResolutionLadder ResolutionLadder::up_to(std::int64_t side) const {
     return {smallest(), sides_[count_up_to(side) - 1]};
+}
+
+std::int64_t ResolutionLadder::largest_within(std::int64_t most) const {
+    const auto above = std::ranges::upper_bound(sides_, most);
+    return above == sides_.begin() ? smallest() : *std::prev(above);
 }
 
 std::string ResolutionLadder::text() const {

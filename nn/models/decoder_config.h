@@ -28,6 +28,8 @@ public:
     [[nodiscard]] std::size_t count_up_to(std::int64_t side) const;
     /// The part of the ladder up to this side. Throws like `count_up_to`.
     [[nodiscard]] ResolutionLadder up_to(std::int64_t side) const;
+    /// The largest side of at most `most`, or the smallest side.
+    [[nodiscard]] std::int64_t largest_within(std::int64_t most) const;
     /// "64, 128, 256"
     [[nodiscard]] std::string text() const;
 

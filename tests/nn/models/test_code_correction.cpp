@@ -119,7 +119,7 @@ TEST_CASE("The gradients that correct a code are those of both errors", "[correc
     const Model model = descending_model(correcting_config(), 1.0);
     const FaceBatch face = photographed({model_camera(model, 0.2, 0.1, 0.0)});
     const Tensor codes = joined(random_codes(1, 5)).value();
-    const std::vector<Tensor> gradients = correction_gradients(model, face, codes);
+    const std::vector<Tensor> gradients = CorrectionTarget(model, face, 0).gradients(codes);
     REQUIRE(gradients.size() == 2);
     const Tensor direction = Rng(6).normal({1, code_size}, 0.0, 1.0);
     constexpr double step = 1e-2;

@@ -27,3 +27,11 @@ TEST_CASE("the decoder's configuration is read, bounded and documented with the 
     CHECK_THAT(schema.to_markdown(),
                Catch::Contains("decoder.feature_channels") && Catch::Contains("paper: 256"));
 }
+
+TEST_CASE("the largest side within a limit is one of the ladder, and never below its smallest") {
+    const stymo::ResolutionLadder ladder(64, 256);
+    CHECK(ladder.largest_within(32) == 64);
+    CHECK(ladder.largest_within(64) == 64);
+    CHECK(ladder.largest_within(200) == 128);
+    CHECK(ladder.largest_within(1024) == 256);
+}
