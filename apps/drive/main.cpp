@@ -1,9 +1,7 @@
-#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <iomanip>
 #include <iostream>
-#include <numeric>
 #include <optional>
 #include <sstream>
 
@@ -13,8 +11,8 @@
 #include "apps/common/table.h"
 #include "apps/common/tool_options.h"
 #include "apps/common/tools.h"
+#include "apps/drive/driven_face.h"
 #include "apps/drive/film_report.h"
-#include "core/angle.h"
 #include "core/clock.h"
 #include "core/error.h"
 #include "core/interrupt.h"
@@ -27,7 +25,6 @@
 #include "fit/video/film_follower.h"
 #include "nn/models/code_file.h"
 #include "nn/models/identity_network.h"
-#include "nn/realtime/chosen_tolerance.h"
 #include "render/morphable/head_source.h"
 
 namespace {
@@ -36,137 +33,25 @@ namespace fs = std::filesystem;
 
 struct Options {
     stymo::ModelOptions model;
-    fs::path codes, video, coefficients, out, identity, sheet, truth;
+    fs::path codes, video, coefficients, out, sheet, truth;
     double rate = 60.0;
-    std::int64_t size = 0;
-    bool absolute = false;
-    bool measure = false;
-    double psnr = 45.0;
+    stymo::DrivenFaceOptions driven;
     stymo::PhotoPreparationSettings preparation;
     stymo::FilmOptions film;
 };
 
-/// What is measured of the rendered frames.
-struct Measures {
-    stymo::LandmarkJitter film, driven;
-    double least_cosine = 1.0, cosines = 0.0;
-    std::int64_t compared = 0;
-};
-
-/// A renderer for the face from the sides that a film may show.
-stymo::ChosenRenderer film_renderer(const Options& options, const stymo::Model& model,
-                                    const stymo::Codes& face) {
-    constexpr int sides = 96;  // of which six are checked, from -40 to 40 degrees
-    constexpr double largest_yaw = 48.0;
-    std::vector<stymo::FaceView> views;
-    for (int i = 0; i < sides; ++i) {
-        const double yaw = largest_yaw * (2.0 * i / (sides - 1) - 1.0);
-        views.push_back(
-            {face, stymo::model_camera(model, stymo::radians_from_degrees(yaw), 0.0, 0.0)});
-    }
-    return stymo::choose_renderer(
-        model, views,
-        {.mode = model.decoder().folds() ? stymo::RenderMode::skip : stymo::RenderMode::exact,
-         .samples_per_ray = model.config().reconstruction.fit_samples_per_ray,
-         .resolution = options.size,
-         .remove_floaters = true},
-        options.psnr);
+/// A face that is driven; says how exact its images are.
+stymo::DrivenFace driven_face(const Options& options, const stymo::Model& shown,
+                              stymo::CodeFile face, const stymo::FaceDetector* detector) {
+    stymo::DrivenFace driven(options.driven, shown, std::move(face), detector);
+    std::cerr << "the face at rest: " << error_words(driven.renderer()) << std::endl;
+    return driven;
 }
-
-/// A change of no expression, (1, 79).
-stymo::Tensor unmoved() {
-    return stymo::Tensor::zeros({1, stymo::code_sizes[1]});
-}
-
-/// The mean over the model's faces, (1, 79); without statistics 0.
-stymo::Variable mean_expression(const stymo::Model& model) {
-    if (!model.code_statistics()) return stymo::Variable(unmoved());
-    constexpr std::int64_t begin = stymo::code_sizes[0], end = begin + stymo::code_sizes[1];
-    const stymo::Variable mean(
-        model.code_statistics()->mean().reshaped({1, stymo::code_size}).to(stymo::DType::float32));
-    return slice(mean, 1, begin, end);
-}
-
-/// Renders the face with the expression and the pose of each frame of a film.
-class Driven {
-public:
-    /// `detector` may be null without --measure.
-    Driven(const Options& options, const stymo::Model& model, stymo::CodeFile face,
-           const stymo::FaceDetector* detector)
-        : options_(options),
-          model_(model),
-          detector_(detector),
-          face_(std::move(face)),
-          neutral_(mean_expression(model)),
-          chosen_(film_renderer(options, model, face_.codes)) {
-        std::cerr << "the face at rest: " << error_words(chosen_) << std::endl;
-        if (options.identity.empty()) return;
-        identity_.emplace(options.identity);
-        embedding_ = embedding_of(rendered(face_.codes, 0.0, 0.0, 0.0));
-    }
-
-    [[nodiscard]] stymo::Tensor frame(const stymo::FilmFrame& seen) {
-        if (seen.found || !last_.defined()) {
-            stymo::Codes codes = face_.codes;
-            stymo::Variable& expression = codes.groups[1];
-            if (options_.absolute) expression = neutral_;
-            expression = expression + stymo::Variable(seen.change);
-            last_ = rendered(codes, seen.pose.yaw, seen.pose.pitch, seen.roll);
-            if (seen.found) measure(seen);
-        } else {
-            measures_.film.add({});
-            measures_.driven.add({});
-        }
-        return last_;
-    }
-    [[nodiscard]] const Measures& measures() const { return measures_; }
-
-private:
-    [[nodiscard]] stymo::Tensor rendered(const stymo::Codes& codes, double yaw, double pitch,
-                                         double roll) {
-        chosen_.renderer.show(codes);
-        return chosen_.renderer.render(stymo::model_camera(model_, yaw, pitch, roll)).image;
-    }
-    [[nodiscard]] std::vector<double> embedding_of(const stymo::Tensor& image) const {
-        const stymo::Variable row(image.reshaped({1, image.shape(0), image.shape(1), 3}));
-        return identity_->embeddings(row * 2.0 - 1.0).value().to_vector();
-    }
-    void measure(const stymo::FilmFrame& seen) {
-        if (options_.measure) {
-            if (seen.starts) {
-                measures_.film.add({});
-                measures_.driven.add({});
-            }
-            measures_.film.add(seen.landmarks);
-            const auto faces = detector_->find(last_, stymo::FaceSearch::quick);
-            measures_.driven.add(faces.empty() ? std::optional<stymo::Landmarks>()
-                                               : faces.front().landmarks);
-        }
-        if (!identity_) return;
-        const std::vector<double> other = embedding_of(last_);
-        const double cosine =
-            std::inner_product(embedding_.begin(), embedding_.end(), other.begin(), 0.0);
-        measures_.least_cosine = std::min(measures_.least_cosine, cosine);
-        measures_.cosines += cosine;
-        ++measures_.compared;
-    }
-
-    const Options& options_;
-    const stymo::Model& model_;
-    const stymo::FaceDetector* detector_;
-    stymo::CodeFile face_;
-    stymo::Variable neutral_;
-    stymo::ChosenRenderer chosen_;
-    std::optional<stymo::IdentityNetwork> identity_;
-    std::vector<double> embedding_;
-    stymo::Tensor last_;
-    Measures measures_;
-};
 
 using FrameSink = std::function<void(const stymo::FilmFrame&)>;
 
 /// Writes the film of the frames that `run` hands over. Returns the seconds of rendering.
-double write_film(const Options& options, Driven& driven, double rate,
+double write_film(const Options& options, stymo::DrivenFace& driven, double rate,
                   const std::function<void(const FrameSink&)>& run) {
     double rendering = 0.0;
     stymo::write_whole(
@@ -206,7 +91,7 @@ std::string keep_sound(const Options& options) {
 }
 
 /// Adds what was measured to the result. `detector` is used with --truth alone.
-void add_measures(const Options& options, const Measures& measures,
+void add_measures(const Options& options, const stymo::DrivenFace::Measures& measures,
                   const stymo::FaceDetector* detector, stymo::AppResult& result) {
     std::ostringstream text;
     text << std::fixed << std::setprecision(2);
@@ -225,7 +110,7 @@ void add_measures(const Options& options, const Measures& measures,
             .add("face_error", error.face)
             .add("compared_frames", error.frames);
     }
-    if (options.measure) {
+    if (options.driven.measure) {
         const auto percent = [](double mean) {
             return std::isnan(mean)
                        ? std::string("unknown, no three frames in a row show a face")
@@ -251,8 +136,9 @@ stymo::AppResult drive_by_film(const Options& options, const stymo::Model& model
     stymo::FilmOptions frames = options.film;
     frames.on_progress = stymo::video_progress();
     const stymo::FilmFollower follower(preparation, model, options.video, frames, false);
-    Driven driven(options, shown, std::move(face), &preparation.detector());
-    const stymo::FilmFrame first{.change = unmoved(),
+    stymo::DrivenFace driven =
+        driven_face(options, shown, std::move(face), &preparation.detector());
+    const stymo::FilmFrame first{.change = stymo::unmoved(),
                                  .pose = stymo::frontal_pose(model.config().camera)};
     stymo::FilmSummary summary;
     const double rendering =
@@ -281,8 +167,8 @@ stymo::AppResult drive_by_coefficients(const Options& options, const stymo::Mode
     const fs::path& morphable = options.preparation.morphable;
     const stymo::ArkitConversion conversion = stymo::arkit_conversion(morphable);
     const stymo::Tensor plausible = plausible_changes(model, stymo::morphable_head_from(morphable));
-    stymo::FilmFrame frame{.found = true, .change = unmoved()};
-    Driven driven(options, shown, face, nullptr);
+    stymo::FilmFrame frame{.found = true, .change = stymo::unmoved()};
+    stymo::DrivenFace driven = driven_face(options, shown, face, nullptr);
     const double rendering = write_film(options, driven, options.rate, [&](const FrameSink& sink) {
         stymo::Progress progress({.title = "frames", .total = std::ssize(rows), .unit = "frames"});
         for (const stymo::ArkitMoment& row : rows) {
@@ -326,8 +212,10 @@ stymo::AppResult drive(const Options& options) {
     stymo::CodeFile face = stymo::read_own_codes(options.codes, options.model);
     const stymo::Model model = stymo::load_model({options.model.file, {}});
     // A film takes long to read.
-    if (options.size > 0) static_cast<void>(model.decoder().ladder().count_up_to(options.size));
-    if (!options.identity.empty()) static_cast<void>(stymo::IdentityNetwork(options.identity));
+    if (options.driven.size > 0)
+        static_cast<void>(model.decoder().ladder().count_up_to(options.driven.size));
+    if (!options.driven.identity.empty())
+        static_cast<void>(stymo::IdentityNetwork(options.driven.identity));
     std::optional<stymo::Model> tuned;
     if (!options.model.tuned.empty())
         tuned.emplace(stymo::load_model(options.model, stymo::ModelParts::decoder));
@@ -356,17 +244,17 @@ int stymo_drive(int argc, char** argv) {
         .range(1, 240)
         .needs("--coefficients");
     line.option("--out", options.out, "the new film, X.mp4").required();
-    line.option("--size", options.size,
+    line.option("--size", options.driven.size,
                 "side of the frames: 64, 128, 256 or 512; 0: the model's resolution")
         .range(0, 512);
-    line.option("--psnr", options.psnr,
+    line.option("--psnr", options.driven.psnr,
                 "decibels that the face at rest has, from 40 degrees to either side, against exact "
                 "images of the same --matmul-precision; six of them are checked")
         .range(20, 90);
-    line.flag("--absolute", options.absolute,
+    line.flag("--absolute", options.driven.absolute,
               "the expressions of the film or of the coefficients replace the face's own; by "
               "default they are added to it");
-    line.flag("--measure", options.measure,
+    line.flag("--measure", options.driven.measure,
               "also measure how much the landmarks tremble in both films; slower")
         .excludes("--coefficients");
     line.option("--sheet", options.sheet,
@@ -375,7 +263,7 @@ int stymo_drive(int argc, char** argv) {
     line.option("--truth", options.truth,
                 "what the new film should show: also measure how far its landmarks are from this "
                 "film's");
-    line.option("--identity", options.identity,
+    line.option("--identity", options.driven.identity,
                 "weights of MobileFaceNet, written by stymo-weights import: also measure whether "
                 "the face stays the same person");
     stymo::declare_film(line, options.film);
