@@ -177,8 +177,7 @@ FaceMesh Studio::mesh(const StudioFace& face, std::int64_t texture_side, bool ne
 StudioFace Studio::sample(std::uint64_t seed, std::uint64_t index, double truncation) const {
     const std::optional<CodeStatistics>& statistics = state_->model.code_statistics();
     if (!statistics) fail<ValueError>("the model has no statistics of codes to draw faces from");
-    Rng rng = Rng(seed).split("new faces").split(index);
-    return {.face = {.codes = statistics->sample(rng, truncation),
+    return {.face = {.codes = statistics->new_face(seed, index, truncation),
                      .pose = frontal_pose(state_->model.config().camera),
                      .model = state_->mark}};
 }

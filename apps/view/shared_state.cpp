@@ -43,8 +43,7 @@ SharedState::SharedState(const ViewerOptions& options) : options_(options) {
 CodeFile SharedState::drawn_face(std::uint64_t seed, double truncation) const {
     if (!model_->code_statistics())
         fail<ValueError>("this model has no statistics to draw faces from");
-    Rng rng = Rng(0).split("new faces").split(seed);
-    return {model_->code_statistics()->sample(rng, truncation),
+    return {model_->code_statistics()->new_face(0, seed, truncation),
             frontal_pose(model_->config().camera)};
 }
 

@@ -20,7 +20,7 @@ void publish_model(const std::filesystem::path& in, const std::filesystem::path&
     config.reconstruction.perceptual_weight =
         model.has_encoder() && model.encoder().backbone().has_activations() ? 1.0 : 0.0;
     TensorFile file = read_tensor_file(in);
-    file.metadata["config"] = to_json(config);
+    file.metadata[config_key] = to_json(config);
     file.metadata[mark_key] = model_mark(in);
     write_tensor_file(out, file, StoredElements::float16);
 }
@@ -158,7 +158,7 @@ void widen_model(const std::filesystem::path& in, const std::filesystem::path& o
             narrower->second = Tensor::zeros(larger.shape());
     }
     config.encoder = without_weight_files(config.encoder);
-    file.metadata["config"] = to_json(config);
+    file.metadata[config_key] = to_json(config);
     file.metadata[mark_key] = model_mark(in);
     write_tensor_file(out, file);
 }

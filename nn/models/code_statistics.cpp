@@ -82,4 +82,9 @@ Codes CodeStatistics::sample(Rng& rng, double truncation) const {
     return split_codes(mean_ + matmul(normal, factor_, {.transpose_b = true}));
 }
 
+Codes CodeStatistics::new_face(std::uint64_t seed, std::uint64_t index, double truncation) const {
+    Rng rng = Rng(seed).split("new faces").split(index);
+    return sample(rng, truncation);
+}
+
 }  // namespace stymo

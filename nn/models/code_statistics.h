@@ -38,6 +38,9 @@ public:
     /// fewer artefacts. Draws 306 normal numbers from `rng`.
     [[nodiscard]] Codes sample(Rng& rng, double truncation) const;
 
+    /// Face number `index` of those that are drawn with this seed.
+    [[nodiscard]] Codes new_face(std::uint64_t seed, std::uint64_t index, double truncation) const;
+
 private:
     CodeStatistics(std::int64_t faces, Tensor mean, Tensor factor);
 

@@ -11,7 +11,6 @@ namespace {
 
 constexpr const char* model_format_key = "format";
 constexpr const char* model_format = "stymo-model-1";
-constexpr const char* config_key = "config";
 constexpr const char* psnr_key = "validation_psnr";
 
 }  // namespace

@@ -117,7 +117,8 @@ private:
     std::optional<double> validation_psnr_;
 };
 
-/// The configuration in the form that the metadata of a model's file has.
+/// The configuration in the form that the metadata of a model's file has, under this key.
+inline constexpr const char* config_key = "config";
 [[nodiscard]] std::string to_json(const ModelConfig& config);
 
 }  // namespace stymo
