@@ -133,6 +133,7 @@ Splats face_splats(const Model& model, const Codes& codes, std::int64_t count,
     const std::vector<SeenFace> seen = surface_views(model, codes, largest_yaw, yaws);
     constexpr double coarse = 1.0 / 64.0;
     const auto found = static_cast<double>(surface_samples(seen, coarse).size());
+    if (found == 0.0) fail<ValueError>("nothing of this face is inside its head mask");
     const double spacing = coarse * std::sqrt(found / static_cast<double>(count));
     const std::vector<Sample> samples = surface_samples(seen, spacing);
     Splats splats = begun_splats(samples);

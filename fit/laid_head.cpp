@@ -281,7 +281,9 @@ std::vector<SeenFace> surface_views(const Model& model, const Codes& codes, doub
                          .remove_floaters = true});
     images.show(codes);
     depths.show(codes);
-    const std::int64_t rays = model.config().decoder.rays.rays_per_side;
+    const std::int64_t rays = model.decoder().rays_per_side();
+    constexpr std::int64_t least_side = 128;
+    const std::int64_t side = rays * std::max<std::int64_t>(least_side / rays, 1);
     std::vector<Camera> cameras{model_camera(model, 0.0, 0.0, 0.0)};
     const ViewRange range{.camera = model.config().camera, .yaw = largest_yaw, .pitch = 0.2};
     for (const Camera& camera : cameras_over(range, yaws, 3)) cameras.push_back(camera);
@@ -289,7 +291,7 @@ std::vector<SeenFace> surface_views(const Model& model, const Codes& codes, doub
     for (const Camera& camera : cameras) {
         View view = images.render(camera);
         views.push_back({camera, std::move(view.image), std::move(view.mask),
-                         pixel_depth(depths, camera, rays, 4 * rays)});
+                         pixel_depth(depths, camera, rays, side)});
         if (views.size() > 1) continue;
         const FaceSquare face = square_around(mean_face_landmarks(camera, 1));
         double seen = 0.0;

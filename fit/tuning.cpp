@@ -213,8 +213,9 @@ private:
                             .to(DType::float32)
                             .reshaped({side, side, 1});
         heads_.align(row, camera, seen.depth);
-        surfaces_.push_back(heads_.surface(row, camera, seen.depth.shape(0)));
-        if (surfaces_.back()) seen.depth = with_surface(seen.depth, *surfaces_.back());
+        const auto surface = heads_.surface(row, camera, seen.depth.shape(0));
+        if (surface) seen.depth = with_surface(seen.depth, *surface);
+        surfaces_.push_back(heads_.surface(row, camera, tuned_.decoder().rays_per_side()));
         seen_.push_back(std::move(seen));
     }
 
@@ -225,8 +226,10 @@ private:
         const std::vector<std::int64_t>& sides = original_.decoder().ladder().sides();
         const std::size_t count = photos_[static_cast<std::size_t>(anchor.row)].images.size();
         SeenFace view = seen_face(anchor.row, anchor.camera, sides.back());
-        anchor.surface = heads_.surface(anchor.row, anchor.camera, view.depth.shape(0));
-        if (anchor.surface) view.depth = with_surface(view.depth, *anchor.surface);
+        const auto surface = heads_.surface(anchor.row, anchor.camera, view.depth.shape(0));
+        if (surface) view.depth = with_surface(view.depth, *surface);
+        anchor.surface = heads_.surface(anchor.row, anchor.camera,
+                                        original_.decoder().rays_per_side(sides[count - 1]));
         const Tensor image = turned_photo(seen_[static_cast<std::size_t>(anchor.row)], view).image;
         const Variable turned = Variable::leaf(image.reshaped({1, sides.back(), sides.back(), 3})
                                                    .to(photos_.front().images.back().dtype()));
@@ -239,7 +242,7 @@ private:
     /// statistics.
     [[nodiscard]] Codes random_offset() {
         const std::optional<CodeStatistics>& statistics = original_.code_statistics();
-        const double distance = options_.neighbour_distance;
+        constexpr double distance = 0.5;  // in standard deviations
         if (!statistics)
             return split_codes(Variable(rng_.normal({1, code_size}, 0.0, 0.1 * distance)));
         const Variable mean = reshape(Variable(statistics->mean()), {1, code_size});

@@ -29,19 +29,18 @@ struct TuningOptions {
     /// get. It rises over the first twentieth of the time and then falls to 0 along a cosine.
     double learning_rate = 3e-2;
     /// Every second step compares an image of the tuned decoder with a
-    /// target at one of `anchors` anchors, in turn. One anchor of three is a neighbouring code from
-    /// a random camera; its target is the original decoder's image. The others are the face itself
-    /// from other sides; their target has the photo's colours where the photo shows the same points
-    /// (render/turned_photo.h), elsewhere those of the original decoder. A locality weight of 0:
-    /// there are no anchors.
+    /// target at one of `anchors` anchors, in turn. One anchor of three is a neighbouring code,
+    /// half a standard deviation away, from a random camera; its target is the original decoder's
+    /// image. The others are the face itself from other sides; their target has the photo's colours
+    /// where the photo shows the same points (render/turned_photo.h), elsewhere those of the
+    /// original decoder. A locality weight of 0: there are no anchors.
     FitWeights weights{.regularizer = 0.0, .locality = 2.0, .depth = 1.0, .mask = 0.05};
     /// The linear head to which the faces' codes belong; null: the tuned shape follows from colours
     /// alone. Where a face has a code, the depth of the tuned face is drawn to this head's: in
     /// every step in the photo, and at the anchors that show the face from other sides. Their
     /// targets are turned by it.
     const MorphableHead* head = nullptr;
-    double neighbour_distance = 0.5;  ///< distance of neighbouring codes, in standard deviations
-    std::int64_t anchors = 32;        ///< each is made when it is first needed; 0: none
+    std::int64_t anchors = 32;  ///< each is made when it is first needed; 0: none
     /// Samples of a smaller compositing weight get no gradient. Seven of eight comparisons with a
     /// photo leave them out of the image, too. 0: no sample is left out.
     double tolerance = 0.001;

@@ -73,9 +73,9 @@ std::vector<View> views(const RenderOptions& options, const Model& model,
     if (options.renderer.depth && !options.depth_alone())
         of_depth.emplace(depth_renderer(options, model));
     FaceRenderer& depths = of_depth ? of_depth->renderer : renderer;
-    const DecoderConfig& decoder = model.config().decoder;
+    const Decoder& decoder = model.decoder();
     const std::int64_t wanted = options.renderer.resolution;
-    const std::int64_t side = wanted == 0 ? decoder.resolution : wanted;
+    const std::int64_t side = wanted == 0 ? decoder.ladder().largest() : wanted;
     for (const Shot& shot : shots) {
         if (interrupted()) fail<Error>("interrupted; nothing was written");
         const Camera camera = camera_of(shot, model);
@@ -86,7 +86,7 @@ std::vector<View> views(const RenderOptions& options, const Model& model,
         }
         if (of_depth || options.depth_alone()) {
             depths.show(shot.codes);
-            view.depth = pixel_depth(depths, camera, decoder.rays.rays_per_side, side);
+            view.depth = pixel_depth(depths, camera, decoder.rays_per_side(side), side);
         }
         if (progress) progress->update(static_cast<std::int64_t>(result.size()));
     }
@@ -217,17 +217,15 @@ CodeStatistics statistics_of(const RenderOptions& options, const Model& model) {
 WrittenImages write_new_faces(const RenderOptions& options, const Model& model,
                               std::uint64_t seed) {
     const CodeStatistics statistics = statistics_of(options, model);
-    const Rng rng = Rng(seed).split("new faces");
     const Pose pose = chosen_pose(options, model, frontal_pose(model.config().camera));
     Rng unused(0);
     const Codes rest = options.codes.empty() ? statistics.sample(unused, 0.0)
                                              : read_own_codes(options.codes, options.model).codes;
     ShotList list;
     for (int i = 0; i < options.sample; ++i) {
-        Rng own = rng.split(static_cast<std::uint64_t>(i));
-        list.shots.push_back(
-            {interpolated(rest, statistics.sample(own, options.truncation), 1.0, options.take),
-             pose});
+        const Codes face =
+            statistics.new_face(seed, static_cast<std::uint64_t>(i), options.truncation);
+        list.shots.push_back({interpolated(rest, face, 1.0, options.take), pose});
     }
     list.columns = static_cast<int>(std::ceil(std::sqrt(static_cast<double>(options.sample))));
     const std::string mark = model_mark(options.model);

@@ -130,8 +130,7 @@ Decoded Decoder::operator()(const Codes& z, const std::vector<Camera>& cameras,
 
 Decoded Decoder::decode_feature_map(const Variable& feature_map, const Codes& w,
                                     const DecodeOptions& options) const {
-    const std::int64_t side =
-        layers_->sampling_of(options.samples_per_ray, options.resolution).rays_per_side;
+    const std::int64_t side = rays_per_side(options.resolution);
     const std::int64_t channels = layers_->images->channels();
     if (!(feature_map.shape() == Shape{w.batch(), side, side, channels})) {
         fail<ShapeError>("feature map must be (", w.batch(), ", ", side, ", ", side, ", ", channels,
@@ -152,8 +151,12 @@ Variable Decoder::density(const Variable& points, const Codes& w) const {
     return layers_->field->density(points, field_style(w));
 }
 
+std::int64_t Decoder::rays_per_side(std::int64_t resolution) const {
+    return layers_->sampling_of(2, resolution).rays_per_side;
+}
+
 DecoderWork Decoder::work(std::int64_t resolution) const {
-    const std::int64_t side = layers_->sampling_of(2, resolution).rays_per_side;
+    const std::int64_t side = rays_per_side(resolution);
     return {.rays = side * side,
             .field = layers_->field->work(),
             .blocks = layers_->images->multiply_adds(resolution)};
@@ -162,7 +165,8 @@ DecoderWork Decoder::work(std::int64_t resolution) const {
 LayerMemory Decoder::memory(const DecodeOptions& options, std::int64_t images) const {
     const RaySampling sampling = layers_->sampling_of(options.samples_per_ray, options.resolution);
     const std::int64_t rays = images * sampling.rays_per_side * sampling.rays_per_side;
-    LayerMemory memory = layers_->field->memory(rays, options.samples_per_ray, options.keep_field);
+    LayerMemory memory = layers_->field->memory(
+        rays, options.samples_per_ray, options.keep_field && options.gradient_tolerance == 0.0);
     memory.add(layers_->images->memory(options, images));
     return memory;
 }

@@ -28,7 +28,8 @@ struct DecodeOptions {
     /// the image too.
     double gradient_tolerance = 0.0;
     /// Keeps the field's activations for the backward pass, layers * width numbers for each sample,
-    /// instead of computing them again. A field with concatenated codes never keeps them.
+    /// instead of computing them again. Neither a field with concatenated codes nor one whose
+    /// samples have a gradient_tolerance keeps them.
     bool keep_field = false;
     /// The backward pass computes the render blocks and the mask branch again, image by image,
     /// instead of keeping their activations. Results may differ by rounding.
@@ -107,6 +108,8 @@ public:
                                              std::int64_t resolution = 0) const;
     /// Density (B, P, 1) at points (B, P, 3) in world coordinates, for codes in W.
     [[nodiscard]] Variable density(const Variable& points, const Codes& w) const;
+    /// The side of the rays of an image of this resolution (0: the model's resolution).
+    [[nodiscard]] std::int64_t rays_per_side(std::int64_t resolution = 0) const;
     /// Arithmetic for one image of this resolution (0: the model's resolution).
     [[nodiscard]] DecoderWork work(std::int64_t resolution = 0) const;
     /// Memory for decoding this number of images at once with these options, including the loss on

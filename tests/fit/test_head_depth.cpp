@@ -198,4 +198,30 @@ TEST_CASE("Anchors that show the face from other sides have the depth of its hea
     CHECK(error(1.0) < 0.75 * error(0.0));
 }
 
+TEST_CASE("Tuning draws depth at the side that is rendered, whatever the photo's", "[head_depth]") {
+    ModelConfig config = tiny_model_config();
+    config.decoder.conditioning = "concatenation";
+    config.decoder.render = "none";
+    config.decoder.resolution = 32;
+    config.reconstruction.resolution_weights = {1.0, 1.0};
+    const auto made = [&] {
+        Rng rng(1);
+        Model model(config, rng);
+        model.parameters().set_trainable("", false);
+        return model;
+    };
+    const Model model = made();
+    const ReconstructionLoss loss(config.reconstruction);
+    const Camera camera = model_camera(model, 0.0, 0.0, 0.0);
+    const Codes codes = random_codes(1, 7);
+    FaceBatch faces = batch_of(camera);
+    faces.targets = {
+        model.decoder()(codes, {camera}, {.samples_per_ray = 4}).images.front().value()};
+    REQUIRE(faces.targets.front().shape(1) == 16);
+    Model tuned = made();
+    const TuningResult result = tune_decoder(model, tuned, loss, faces, codes, {camera},
+                                             {.steps = 4, .head = &head(), .samples_per_ray = 4});
+    CHECK(std::isfinite(result.losses.back()));
+}
+
 }  // namespace head_depth_tests
