@@ -30,10 +30,7 @@ constexpr double same_loss = 1.005;
 /// A photo whose codes are fitted.
 struct FitTarget {
     explicit FitTarget(const FaceBatch& batch)
-        : faces{.input = batch.input,
-                .targets = batch.targets,
-                .cameras = batch.cameras,
-                .known = batch.known},
+        : faces(batch),
           measured(display_image(batch.targets.back(), 0), display_mask(batch.mask, 0), nullptr,
                    known_in(batch, 0)) {}
 
@@ -231,7 +228,7 @@ StudyPlan fitting_plan(const StudyInputs& inputs) {
     std::vector<FitTarget> photos;
     for (const Face& face : last_photos(inputs.fitting, config,
                                         std::min<std::int64_t>(inputs.fitting.faces, most_faces)))
-        photos.emplace_back(make_batch(std::span(&face, 1)));
+        photos.emplace_back(make_batch({&face, 1}, judge->model.decoder().ladder().smallest()));
     // First as many steps, up to the paper's number, and then as many faces as the time allows. The
     // other variants take less time than the paper's, which leaves time for the evaluation.
     constexpr std::int64_t probe_steps = 4;
@@ -277,7 +274,8 @@ StudyPlan tuning_plan(const StudyInputs& inputs) {
     config.perceptual_weight = 0.0;  // tuning is then judged by what it lowers
     const auto judge = std::make_shared<const Judge>(std::move(loaded), config);
     const auto photo = std::make_shared<const FitTarget>(
-        make_batch(last_photos(inputs.fitting, judge->model.config(), 1)));
+        make_batch(last_photos(inputs.fitting, judge->model.config(), 1),
+                   judge->model.decoder().ladder().smallest()));
     const auto fit = std::make_shared<const FitResult>(
         fit_codes(judge->model, judge->loss, photo->faces,
                   {.optimizer = FitOptimizer::lbfgs, .steps = fit_steps}));

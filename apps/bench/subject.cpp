@@ -94,7 +94,9 @@ BenchSubject make_subject(const BenchOptions& options) {
                 draws.normal({options.faces, code_sizes[group]}, 0.0, deviation);
     } else {
         subject.photos = photos_of(options, config, options.faces, false);
-        subject.codes = detached(face_codes(subject.model, make_batch(subject.photos)));
+        subject.codes = detached(
+            face_codes(subject.model,
+                       make_batch(subject.photos, subject.model.decoder().ladder().smallest())));
     }
     subject.views = orbit(subject.model, options.views);
     return subject;

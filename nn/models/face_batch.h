@@ -38,8 +38,7 @@ enum class Shared {
     all,     ///< and the expression: only the camera differs
 };
 
-/// Photos of B faces, prepared for the networks and the losses of training and fitting. Fitting
-/// reads only the first three members, and `codes` if the model has no encoder.
+/// Photos of B faces, prepared for the networks and the losses of training and fitting.
 struct FaceBatch {
     Tensor input;  ///< (B, S, S, 3) in [-1, 1], unmasked: what the encoder sees
     /// (B, R, R, 3) in [-1, 1] for each side R that is compared, in ascending order from the least

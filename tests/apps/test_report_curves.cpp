@@ -7,6 +7,7 @@
 
 #include "apps/bench/study.h"
 #include "apps/tiny_run.h"
+#include "apps/weights/derived_models.h"
 #include "core/io/file.h"
 #include "core/matmul_precision.h"
 
@@ -18,11 +19,12 @@ namespace fs = std::filesystem;
 using nlohmann::json;
 
 /// What a study finds on the smallest model within a second or two: report.json.
-json written(const Study& study, double seconds) {
+json written(const Study& study, double seconds,
+             const fs::path& model = tiny_run() / "run/model.safetensors") {
     const fs::path folder = tiny_run() / ("report-" + study.name);
     fs::remove_all(folder);
     fs::create_directories(folder);
-    const BenchOptions bench{.model = tiny_run() / "run/model.safetensors",
+    const BenchOptions bench{.model = model,
                              .data = tiny_run() / "faces",
                              .repeats = 1,
                              .faces = 1,
@@ -102,6 +104,15 @@ TEST_CASE("The study of tuning begins with the untuned face", "[report][slow]") 
     CHECK(rows[0]["psnr_turned_db"].is_null());
     CHECK(rows[1]["steps"].get<int>() > 0);
     CHECK(rows[1]["psnr_turned_db"].get<double>() > 0.0);
+}
+
+TEST_CASE("The studies of fitting and tuning take models that correct their codes",
+          "[report][slow]") {
+    const fs::path correcting = tiny_run() / "correcting.safetensors";
+    widen_model(tiny_run() / "run/model.safetensors", correcting,
+                std::vector<std::string>{"encoder.corrections=1"});
+    CHECK(written(tuning_study(), 2.5, correcting)["tuning"].size() == 2);
+    CHECK(written(fitting_study(), 2.0, correcting)["fitting"].size() == 10 + lowered_precisions());
 }
 
 TEST_CASE("The study of training steps gives each way the same seeds", "[report][slow]") {
