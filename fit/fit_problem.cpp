@@ -223,9 +223,11 @@ FitLoss FitProblem::loss_here() {
 double FitProblem::complete_loss() {
     static_cast<void>(choose_images(options_.coarse_steps));
     side_ = nullptr;
-    const Tensor significant = std::exchange(decode_.significant_samples, {});
+    const DecodeOptions of_steps = decode_;
+    decode_.significant_samples = {};
+    decode_.keep_field = false;  // no gradient follows
     const double loss = mean_over_faces(loss_here().total);
-    decode_.significant_samples = significant;
+    decode_ = of_steps;
     return loss;
 }
 

@@ -73,6 +73,7 @@ std::int64_t generator_numbers(const Model& model, const ReconstructionLoss& los
         model.decoder().memory({.samples_per_ray = phase.samples_per_ray,
                                 .resolution = phase.resolution,
                                 .mask = config.loss.mask_weight > 0.0 && phase.resolution == side,
+                                .gradient_tolerance = config.optimizer.sample_tolerance,
                                 .keep_field = !recomputation.field,
                                 .recompute_blocks = recomputation.blocks},
                                phase.micro_batch));

@@ -34,8 +34,7 @@ FaceBatch face_of(const FaceBatch& batch, std::int64_t row) {
 }
 
 DecodeOptions decode_options(std::int64_t side) {
-    return {
-        .samples_per_ray = 12, .resolution = side, .gradient_tolerance = 0.001, .keep_field = true};
+    return {.samples_per_ray = 12, .resolution = side, .gradient_tolerance = 0.001};
 }
 
 /// The codes (1, 306) of one face.
@@ -56,7 +55,8 @@ CorrectionTarget::CorrectionTarget(const Model& model, const FaceBatch& batch, s
     embedding_ = embedding_of(photo);
     if (!encoder.backbone().has_activations()) return;
     distance_.emplace(encoder);
-    features_ = distance_->features(photo);
+    for (const Variable& feature : distance_->features(photo))
+        features_.emplace_back(feature.value());
 }
 
 std::vector<Tensor> CorrectionTarget::gradients(const Tensor& codes) const {
@@ -105,7 +105,8 @@ LayerMemory correction_memory(const Model& model) {
     if (model.corrector() == nullptr) return {};
     const std::int64_t side = model.decoder().ladder().largest_within(largest_side);
     LayerMemory memory = model.decoder().memory(decode_options(side), 1);
-    if (model.encoder().knows_faces()) memory.add({0, IdentityNetwork::saved_per_image});
+    const Encoder& encoder = model.encoder();
+    if (encoder.knows_faces()) memory.add({0, encoder.identity_backbone().saved()});
     return {0, memory.saved + memory.transient};
 }
 

@@ -43,8 +43,10 @@ private:
 };
 
 /// The codes of the batch's faces after EncoderConfig::corrections corrections. Each of them
-/// renders a face and compares it with its targets up to a side of 128 pixels. Faces whose camera
-/// the model cannot render keep their codes.
+/// renders a face and compares it with its targets up to a side of 128 pixels, or with the smallest
+/// one if that is larger: also where the codes come from another photo of the person
+/// (read_people_from), whose codes are corrected towards the photo that they have to render. Faces
+/// whose camera the model cannot render keep their codes.
 [[nodiscard]] Codes corrected(const Model& model, const FaceBatch& batch, const Codes& codes);
 
 /// Memory of a correction, one face at a time.

@@ -134,10 +134,6 @@ struct Encoder::Heads {
     }
 };
 
-std::vector<Variable> Backbone::activations(const Variable&) const {
-    fail<ValueError>("this backbone does not give its activations");
-}
-
 void describe(ConfigSchema& schema, EncoderConfig& config) {
     schema.choice("encoder.backbone", config.backbone, backbone_names(),
                   "network from the image to an embedding (paper: ArcFace)");

@@ -80,6 +80,8 @@ public:
     /// The expression alone, without running a backbone that it is not read from.
     [[nodiscard]] Variable expression(const Variable& image) const;
     [[nodiscard]] const Backbone& backbone() const { return *backbone_; }
+    /// Needs `knows_faces()`.
+    [[nodiscard]] const Backbone& identity_backbone() const { return *identity_; }
 
 private:
     struct Heads;

@@ -18,8 +18,8 @@ namespace stymo {
 /// layers.
 class EncoderDistance final : public PerceptualDistance {
 public:
-    /// The encoder must outlive this object and be frozen. Throws ConfigError unless the backbone
-    /// has activations.
+    /// The encoder must outlive this object. Throws ConfigError unless the backbone has
+    /// activations.
     explicit EncoderDistance(const Encoder& encoder);
 
     [[nodiscard]] Features features(const Variable& images) const override;

@@ -22,7 +22,7 @@ constexpr std::int64_t last_side = 2;
 constexpr std::int64_t small_conv_channels = 256;
 constexpr std::size_t level_count = 5;
 constexpr std::array<std::int64_t, level_count> widths{32, 64, 128, 256, 256};
-constexpr double slope = 0.2;
+constexpr double leaky_slope = 0.2;
 constexpr double gain = std::numbers::sqrt2;
 /// Residual blocks after each convolution.
 using Depths = std::array<int, level_count>;
@@ -33,14 +33,14 @@ struct ResidualBlock {
     ConvLayer second;
 
     [[nodiscard]] Variable operator()(const Variable& x) const {
-        return x + second(first(x, slope) * gain);
+        return x + second(first(x, leaky_slope) * gain);
     }
 };
 
 /// Five strided 3x3 convolutions and a linear layer, 64x64 pixels -> 256 numbers; 1.2 million
 /// parameters, 18 million multiply-adds without residual blocks. It can be trained from scratch in
-/// minutes. Layers have an equalised learning rate and leaky ReLU with slope 0.2 and gain sqrt(2).
-/// Any image is resized to 64x64 by antialiased bicubic resampling.
+/// minutes. Layers have an equalised learning rate and leaky ReLU with slope 0.2 and gain
+/// sqrt(2). Any image is resized to 64x64 by antialiased bicubic resampling.
 class SmallConv : public Backbone {
 public:
     SmallConv(ParameterStore& store, const std::string& prefix, Rng& rng, Depths depths = {})
@@ -55,7 +55,7 @@ public:
                                              static_cast<int>(image_side))
                             : image;
         for (std::size_t level = 0; level < level_count; ++level) {
-            x = layers_[level](x, slope) * gain;
+            x = layers_[level](x, leaky_slope) * gain;
             for (const ResidualBlock& block : blocks_[level]) x = block(x);
         }
         return embed_(reshape(x, {x.shape(0), -1}));
@@ -66,7 +66,7 @@ public:
     [[nodiscard]] std::vector<Variable> activations(const Variable& image) const override {
         std::vector<Variable> all;
         for (const ConvLayer& layer : layers_)
-            all.push_back(layer(all.empty() ? image : all.back(), slope) * gain);
+            all.push_back(layer(all.empty() ? image : all.back(), leaky_slope) * gain);
         return all;
     }
 
@@ -218,6 +218,10 @@ const Entry& entry_of(const std::string& name) {
 }
 
 }  // namespace
+
+std::vector<Variable> Backbone::activations(const Variable&) const {
+    fail<ValueError>("this backbone does not give its activations");
+}
 
 std::vector<std::string> backbone_names() {
     std::vector<std::string> names;

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/autograd/grad.h"
 #include "core/error.h"
 #include "core/ops/ops.h"
 #include "nn/image_augmentation.h"
@@ -133,6 +134,27 @@ TEST_CASE("The gradients that correct a code are those of both errors", "[correc
     // Samples that hardly count get no gradient, and these are differences in float32.
     CHECK(along(gradients[0]) == Approx(derivative(error_of_images)).epsilon(0.03));
     CHECK(along(gradients[1]) == Approx(derivative(error_of_features)).epsilon(0.03));
+}
+
+TEST_CASE("A backbone without activations is left out of the second error", "[correction]") {
+    ModelConfig config = correcting_config();
+    config.encoder.backbone = "mobilefacenet";
+    const Model model = descending_model(config, 1.0);
+    FaceBatch face = photographed({model_camera(model, 0.2, 0.1, 0.0)});
+    const Tensor codes = joined(random_codes(1, 5)).value();
+    const std::vector<Tensor> gradients = CorrectionTarget(model, face, 0).gradients(codes);
+    REQUIRE(gradients.size() == 2);
+    const Variable leaf = Variable::leaf(codes);
+    const Decoded decoded = model.decoder()(split_codes(leaf), face.cameras,
+                                            {.samples_per_ray = 12, .gradient_tolerance = 0.001});
+    const std::vector frame{ffhq_frame(face.cameras.front(), model.config().camera)};
+    const auto embedding = [&](const Variable& image) {
+        return model.encoder().face_embedding(augmented(image, frame));
+    };
+    const Variable rendered =
+        where_known(known_at(face.known, 16, 16), decoded.images.front(), -1.0);
+    const Variable error = sum(embedding(rendered) * embedding(face.targets.front())) * -0.1;
+    CHECK(check_close(gradients[1], grad(error, leaf).value(), 1e-4).passed);
 }
 
 TEST_CASE("Corrections bring faces nearer to their photos, whichever are beside them",
