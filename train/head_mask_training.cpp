@@ -1,6 +1,7 @@
 #include "train/head_mask_training.h"
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <iomanip>
 #include <numbers>
@@ -22,16 +23,33 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* step_key = "step";
+constexpr const char* seed_key = "seed";
+
+/// A whole number in the metadata of a state.
+template <class T>
+T number(const TensorFile& state, const std::string& source, const char* key) {
+    const auto found = state.metadata.find(key);
+    if (found == state.metadata.end())
+        fail<FileError>(source, ": not the state of a training of head masks");
+    const std::string& text = found->second;
+    T value{};
+    const auto end = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (end.ec != std::errc{} || end.ptr != text.data() + text.size())
+        fail<FileError>(source, ": \"", key, "\" is \"", text, "\", not a number");
+    return value;
+}
 
 /// A run's weights, optimiser and averages.
 class MaskTraining {
 public:
-    MaskTraining(const HeadMaskModel& model, const HeadMaskTrainingConfig& config, fs::path folder)
+    MaskTraining(const HeadMaskModel& model, const HeadMaskTrainingConfig& config,
+                 const HeadMaskRun& run)
         : model_(model),
           config_(config),
-          folder_(std::move(folder)),
+          folder_(run.folder),
           parameters_(model.store->trainable()),
-          average_(parameters_) {}
+          average_(parameters_),
+          seed_(run.seed) {}
 
     [[nodiscard]] std::int64_t step() const { return step_; }
 
@@ -56,6 +74,7 @@ public:
         adam_.save(state, "adam.");
         average_.save(state, "average.");
         state.metadata[step_key] = std::to_string(step_);
+        state.metadata[seed_key] = std::to_string(seed_);
         average_.swap();
         write_head_mask_model(folder_ / head_mask_file, model_);
         average_.swap();
@@ -67,13 +86,15 @@ public:
         if (!fs::exists(path))
             fail<FileError>(path.string(), ": no state to resume from; start without --resume");
         const TensorFile state = read_tensor_file(path);
-        const auto step = state.metadata.find(step_key);
-        if (step == state.metadata.end())
-            fail<FileError>(path.string(), ": not the state of a training of head masks");
+        const auto seed = number<std::uint64_t>(state, path.string(), seed_key);
+        if (seed != seed_)
+            fail<FileError>(path.string(), ": was trained with --seed ", seed, ", not ", seed_,
+                            "; give the same seed");
+        const auto step = number<std::int64_t>(state, path.string(), step_key);
         model_.store->load(state, path.string());
         adam_.load(state, path.string(), "adam.");
         average_.load(state, path.string(), "average.");
-        step_ = std::stoll(step->second);
+        step_ = step;
     }
 
 private:
@@ -91,6 +112,7 @@ private:
     std::vector<Parameter> parameters_;
     Adam adam_;
     Ema average_;
+    std::uint64_t seed_;
     std::int64_t step_ = 0;
 };
 
@@ -127,7 +149,7 @@ HeadMaskTrainingOutcome train_head_mask(const HeadMaskModel& model,
                         ": holds a training already; continue it with "
                         "--resume latest or choose another --out");
     model.store->set_trainable("", true);
-    MaskTraining training(model, config, run.folder);
+    MaskTraining training(model, config, run);
     if (run.resume) training.resume();
     const Rng rng(run.seed);
     const InterruptGuard guard;

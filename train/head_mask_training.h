@@ -50,7 +50,7 @@ inline constexpr const char* head_mask_state_file = "state.safetensors";
 /// Trains `model` until all steps are done, a limit is reached or a signal arrives, and writes
 /// network and state into the folder, at the end and from time to time. With `resume` it goes on
 /// where the folder's state ends, with the same results as without a pause. Throws FileError if
-/// `resume` finds no state, or for a folder that has one without `resume`.
+/// `resume` finds no state or one of another seed, or for a folder that has one without `resume`.
 HeadMaskTrainingOutcome train_head_mask(const HeadMaskModel& model,
                                         const HeadMaskExamples& examples,
                                         const HeadMaskTrainingConfig& config,

@@ -49,6 +49,7 @@ TickSpeed TickClock::lap(std::int64_t image) {
 }
 
 void Tick::add(const StepReport& report) {
+    if (report.non_finite) return;
     ++steps_;
     regularized_steps_ += report.regularized ? 1 : 0;
     learning_rate_ = report.learning_rate;
@@ -60,7 +61,7 @@ LossValues Tick::losses() const {
         return sum / static_cast<double>(std::max<std::int64_t>(1, steps));
     };
     LossValues mean;
-    mean.accumulate(losses_, mean_over(1.0, steps_));
+    mean.accumulate(losses_, 1.0 / static_cast<double>(steps_));
     mean["r1"] = mean_over(losses_["r1"], regularized_steps_);
     return mean;
 }

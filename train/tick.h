@@ -78,10 +78,13 @@ private:
 /// Means over the steps of a tick, the interval between two lines of statistics.
 class Tick {
 public:
+    /// Does nothing for a step that was skipped (StepReport::non_finite).
     void add(const StepReport& report);
 
+    /// Without those that were skipped.
     [[nodiscard]] std::int64_t steps() const { return steps_; }
-    /// Means over all steps. R1 is the mean over the steps that computed it.
+    /// Means over these steps, NaN if there are none. R1 is the mean over the steps that computed
+    /// it.
     [[nodiscard]] LossValues losses() const;
 
     /// "loss 0.1234, reconstruction 0.1200, ...": the terms that are not 0.

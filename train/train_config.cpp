@@ -238,8 +238,42 @@ void check_stage1(const TrainConfig& config, const ResolutionLadder& ladder,
     }
 }
 
-void check(const TrainConfig& config, const std::string& source) {
-    const ResolutionLadder ladder = checked_ladder(config, source);
+void check_encoder(const TrainConfig& config, const std::string& source) {
+    const EncoderConfig& encoder = config.model.encoder;
+    if (encoder.identity_from_both && encoder.identity_backbone == no_backbone)
+        fail<ConfigError>(source, ": encoder.identity_from_both needs encoder.identity_backbone");
+    if (config.stage1.decoder_frozen && config.optimizer.matrices == "muon")
+        fail<ConfigError>(source,
+                          ": optimizer.matrices = muon moves the decoder alone, which "
+                          "stage1.decoder_frozen keeps; choose muon_encoder or adam");
+    if (config.stage1.encoder_frozen && config.stage1.decoder_frozen && encoder.corrections == 0)
+        fail<ConfigError>(source,
+                          ": with stage1.encoder_frozen and stage1.decoder_frozen only "
+                          "encoder.corrections learn; give some");
+    if (uses_encoder(config.model)) return;
+    const auto refuse = [&](bool given, const char* need) {
+        if (given)
+            fail<ConfigError>(source, ": codes.source = ", config.model.code_source, " needs ",
+                              need);
+    };
+    refuse(config.data.mirror, "data.mirror = false: the code of a mirrored face is not known");
+    refuse(config.data.other_photo > 0.0, "data.other_photo = 0: no encoder reads the other photo");
+    refuse(config.data.turned_photos > 0.0, "data.turned_photos = 0: no encoder reads the photo");
+    refuse(encoder.corrections > 0, "encoder.corrections = 0: an encoder's codes are corrected");
+    refuse(config.stage1.decoder_frozen, "stage1.decoder_frozen = false: no encoder would learn");
+}
+
+void check_decoder(const DecoderConfig& decoder, double sample_tolerance,
+                   const std::string& source) {
+    if (sample_tolerance > 0.0 && decoder.conditioning == "concatenation")
+        fail<ConfigError>(source,
+                          ": optimizer.sample_tolerance needs decoder.conditioning = modulation");
+    if (decoder.rays.near_z <= decoder.rays.far_z)
+        fail<ConfigError>(source, ": decoder.near_z = ", decoder.rays.near_z,
+                          ": must be above decoder.far_z = ", decoder.rays.far_z);
+}
+
+void check_losses(const TrainConfig& config, std::size_t resolutions, const std::string& source) {
     if (config.loss.compares_identity() && config.loss.identity_network.empty())
         fail<ConfigError>(source, ": ",
                           config.loss.identity_weight > 0.0 ? "loss.identity_weight"
@@ -250,53 +284,22 @@ void check(const TrainConfig& config, const std::string& source) {
         fail<ConfigError>(source, ": loss.expression_weight needs encoder.expression_backbone");
     if (config.loss.expression_weight > 0.0 && config.stage1.micro_batch < 2)
         fail<ConfigError>(source, ": loss.expression_weight needs stage1.micro_batch >= 2");
-    check_stage1(config, ladder, source);
-    if (!uses_encoder(config.model) && config.data.mirror)
-        fail<ConfigError>(source, ": codes.source = ", config.model.code_source,
-                          " needs data.mirror = false: the code of a mirrored face is not known");
-    if (!uses_encoder(config.model) && config.data.other_photo > 0.0)
-        fail<ConfigError>(source, ": codes.source = ", config.model.code_source,
-                          " needs data.other_photo = 0: no encoder reads the other photo");
-    if (config.stage1.decoder_frozen && config.optimizer.matrices == "muon")
-        fail<ConfigError>(source,
-                          ": optimizer.matrices = muon moves the decoder alone, which "
-                          "stage1.decoder_frozen keeps; choose muon_encoder or adam");
-    if (config.model.encoder.identity_from_both &&
-        config.model.encoder.identity_backbone == no_backbone)
-        fail<ConfigError>(source, ": encoder.identity_from_both needs encoder.identity_backbone");
-    if (!uses_encoder(config.model) && config.model.encoder.corrections > 0)
-        fail<ConfigError>(source, ": codes.source = ", config.model.code_source,
-                          " needs encoder.corrections = 0: an encoder's codes are corrected");
-    if (config.stage1.encoder_frozen && config.stage1.decoder_frozen &&
-        config.model.encoder.corrections == 0)
-        fail<ConfigError>(source,
-                          ": with stage1.encoder_frozen and stage1.decoder_frozen only "
-                          "encoder.corrections learn; give some");
-    if (config.optimizer.sample_tolerance > 0.0 &&
-        config.model.decoder.conditioning == "concatenation")
-        fail<ConfigError>(source,
-                          ": optimizer.sample_tolerance needs decoder.conditioning = modulation");
-    if (!uses_encoder(config.model) && config.stage1.decoder_frozen)
-        fail<ConfigError>(source, ": codes.source = ", config.model.code_source,
-                          " needs stage1.decoder_frozen = false: no encoder would learn");
-    if (!uses_encoder(config.model) && config.data.turned_photos > 0.0)
-        fail<ConfigError>(source, ": codes.source = ", config.model.code_source,
-                          " needs data.turned_photos = 0: no encoder reads the photo");
-    if (config.model.decoder.rays.near_z <= config.model.decoder.rays.far_z) {
-        fail<ConfigError>(source, ": decoder.near_z = ", config.model.decoder.rays.near_z,
-                          ": must be above decoder.far_z = ", config.model.decoder.rays.far_z);
-    }
-    const std::size_t resolutions = ladder.count();
-    if (config.model.reconstruction.resolution_weights.size() < resolutions) {
+    if (config.model.reconstruction.resolution_weights.size() < resolutions)
         fail<ConfigError>(source, ": reconstruction.resolution_weights has ",
                           config.model.reconstruction.resolution_weights.size(),
                           " numbers; a model of ", config.model.decoder.resolution,
                           " pixels needs ", resolutions);
-    }
-    if (config.loss.code_weights.size() != code_names.size()) {
+    if (config.loss.code_weights.size() != code_names.size())
         fail<ConfigError>(source, ": loss.code_weights has ", config.loss.code_weights.size(),
                           " numbers; id, expr, tex and light need one each");
-    }
+}
+
+void check(const TrainConfig& config, const std::string& source) {
+    const ResolutionLadder ladder = checked_ladder(config, source);
+    check_losses(config, ladder.count(), source);
+    check_encoder(config, source);
+    check_decoder(config.model.decoder, config.optimizer.sample_tolerance, source);
+    check_stage1(config, ladder, source);
     check_stage2(config, ladder, source);
 }
 

@@ -5,6 +5,7 @@
 #include "core/io/file.h"
 #include "core/io/image.h"
 #include "core/io/scratch_folder.h"
+#include "core/io/tensor_file.h"
 #include "train/head_mask_training.h"
 
 using namespace stymo;
@@ -84,6 +85,21 @@ TEST_CASE("A training of head masks that pauses gives the same network") {
         CHECK(read_file(folder / "whole" / file) == read_file(folder / "parts" / file));
     CHECK_THROWS_WITH(train("whole", 0, false), Contains("holds a training already"));
     CHECK_THROWS_WITH(train("none", 0, true), Contains("no state to resume from"));
+
+    const auto resumed = [&](std::uint64_t seed) {
+        static_cast<void>(train_head_mask(
+            make_head_mask_model(Rng(1)), examples, config,
+            {.folder = folder / "whole", .resume = true, .most_steps = 1, .seed = seed}));
+    };
+    CHECK_THROWS_WITH(resumed(8), Contains("was trained with --seed 7, not 8"));
+    const std::filesystem::path state = folder / "whole" / head_mask_state_file;
+    TensorFile damaged = read_tensor_file(state);
+    damaged.metadata["step"] = "two";
+    write_tensor_file(state, damaged);
+    CHECK_THROWS_WITH(resumed(7), Contains("\"step\" is \"two\", not a number"));
+    damaged.metadata.erase("step");
+    write_tensor_file(state, damaged);
+    CHECK_THROWS_WITH(resumed(7), Contains("not the state of a training of head masks"));
 }
 
 TEST_CASE("A folder without masks, and an unknown key, are refused") {

@@ -280,7 +280,7 @@ TEST_CASE(
     config.stage1.steps = 0;
     config.optimizer.failures_allowed = 1;
     Trainer trainer(config, faces(), nullptr, 5);
-    static_cast<void>(trainer.step());
+    const StepReport healthy_step = trainer.step();
     const auto& all = trainer.model().parameters().all();
     const auto broken = std::ranges::find(all, "decoder.field.density.bias", &Parameter::name);
     REQUIRE(broken != all.end());
@@ -290,6 +290,12 @@ TEST_CASE(
     for (const Parameter& parameter : all) before.push_back(parameter.variable().value());
     const StepReport report = trainer.step();
     CHECK(report.non_finite.has_value());
+    Tick tick;
+    CHECK(std::isnan(tick.losses().total));
+    tick.add(healthy_step);
+    tick.add(report);
+    CHECK(tick.steps() == 1);
+    CHECK(tick.losses().total == healthy_step.losses.total);
     CHECK(trainer.state().failures == 1);
     for (std::size_t i = 0; i < all.size(); ++i)
         CHECK(identical(all[i].variable().value(), before[i]));
