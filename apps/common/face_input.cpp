@@ -128,6 +128,9 @@ Face read_face(const FaceSource& source, const ModelConfig& config) {
         require_frame(known, source.ignore);
         const Tensor mine = known_at(central_square(known), side, side);
         face.known = face.known.defined() ? where_known(mine, face.known, 0.0).value() : mine;
+        if (known_share(face.known) == 0.0)
+            fail<FileError>(source.ignore.string(),
+                            ": leaves nothing of the photo's central square, which is fitted");
     }
     if (!source.pose.empty()) {
         face.pose = read_pose(source.pose);

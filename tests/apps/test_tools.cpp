@@ -217,12 +217,21 @@ TEST_CASE("What is ignored in a photo does not change its fit, tuning or scores"
                b = parsed_file(folder / "ignored_b/report.json");
     for (const char* when : {"initial", "fitted", "tuned"}) CHECK(a[when] == b[when]);
     stymo::write_image(folder / "covers/all.png", stymo::Tensor::full({side, side, 1}, 1.0));
+    stymo::write_image(folder / "covers/wide.png", stymo::Tensor::full({16, 32, 3}, 0.5));
+    stymo::Tensor middle = stymo::Tensor::zeros({16, 32, 1});
+    for (std::size_t i = 0; i < 512; ++i)
+        if (i % 32 >= 8 && i % 32 < 24) middle.mutable_values<float>()[i] = 1.0F;
+    stymo::write_image(folder / "covers/middle.png", middle);
     for (const auto& [wrong, reason] : std::map<std::string, std::string>{
              {"--as-is --ignore covers/all.png", "covers/all.png: leaves nothing of the photo"},
+             {"--as-is --image covers/wide.png --ignore covers/middle.png",
+              "covers/middle.png: leaves nothing of the photo's central square"},
              {"--mask zeros.png", "zeros.png: covers nothing (every pixel is 0)"}}) {
         stymo::write_image(folder / "zeros.png", stymo::Tensor::zeros({side, side, 1}));
-        const ToolOutcome refused =
-            stymo::run_tool(folder, fit + ("--image covers/00004.png --out refused " + wrong));
+        const ToolOutcome refused = stymo::run_tool(
+            folder, fit + ("--out refused " + wrong +
+                           (wrong.find("--image") == std::string::npos ? " --image covers/00004.png"
+                                                                       : "")));
         CHECK(refused.exit_code == 1);
         CHECK_THAT(refused.err, Catch::Contains(reason));
     }
