@@ -66,8 +66,8 @@ void declare_codes(Command& command, FitToolOptions& options) {
 void declare_tuning(Command& command, TuningOptions& tuning) {
     command
         .option("--tune", tuning.seconds,
-                "also tune the decoder to the fitted face for so many seconds; stymo-render and "
-                "stymo-edit take the result, tuned.safetensors, with --tuned")
+                "also tune the decoder to the fitted face for so many seconds; the other "
+                "tools take the result, tuned.safetensors, with --tuned")
         .range(0, 86400);
     command
         .option("--tune-steps", tuning.steps,

@@ -49,9 +49,9 @@ void require_not_read(const std::filesystem::path& out,
 void declare_head(Command& command, std::filesystem::path& file, const std::string& purpose,
                   const std::string& otherwise = "default: the built-in head");
 
-/// Declares --mask-net and declare_landmark_files, the files for the preparation of photos.
+/// Declares --mask-net, --max-pixels and declare_landmark_files, for the preparation of photos.
 void declare_preparation_files(Command& command, PhotoPreparationSettings& settings);
-/// Declares --morphable, --landmarks and --pose-net, and --max-pixels.
+/// Declares --morphable, --landmarks and --pose-net.
 void declare_landmark_files(Command& command, PhotoPreparationSettings& settings);
 /// Prints a warning if the landmark network that comes with stymo was not found and no other was
 /// named, because the shipped model fits photos worse if dlib's landmarks aligned them.
@@ -83,7 +83,7 @@ void declare_perceptual_weight(Command& command, LpipsOptions& options);
 [[nodiscard]] ReconstructionConfig fitting_config(const LpipsOptions& options,
                                                   ReconstructionConfig model);
 
-/// The values of --mode: the names of all modes, and older ones.
+/// The values of --mode: the names of all modes.
 [[nodiscard]] std::vector<std::string> render_mode_names();
 /// What each mode does, in the help of --mode.
 [[nodiscard]] std::string render_mode_help();

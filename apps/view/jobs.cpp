@@ -174,9 +174,10 @@ Job::Body fit_photo(SharedState& shared, Session& session, std::string photo, st
         const FitJob fit(*shared.model(), shared.loss(), fit_options(shared, tune_seconds, number));
         const PreparedPhoto ready = prepared(fit, photo, cover, job);
         FaceBatch batch = fit.batch_of({&ready.face, 1});
-        ShownFit shown(
-            session, job, fit.options(),
-            {"photo", {face_codes(*shared.model(), batch), ready.face.pose}, shared.model()});
+        ShownFit shown(session, job, fit.options(),
+                       {"photo",
+                        {uncorrected_codes(*shared.model(), batch), ready.face.pose},
+                        shared.model()});
         try {
             FittedFaces done = fit.fit(std::move(batch), shown.observer());
             for (const std::string& warning : done.warnings) job.add_note(warning);

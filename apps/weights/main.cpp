@@ -132,6 +132,8 @@ int stymo_weights(int argc, char** argv) {
         "--set", settings,
         "decoder.field_width=192, .feature_channels, .block_channels, "
         ".mask_channels or .resolution (one more of .block_channels and of "
-        "reconstruction.resolution_weights each time it doubles); may be repeated");
+        "reconstruction.resolution_weights each time it doubles); encoder.backbone, "
+        ".identity_backbone, .identity_from_both, .expression_backbone or .corrections; may be "
+        "repeated");
     return line.run(argc, argv);
 }

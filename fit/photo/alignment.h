@@ -42,7 +42,7 @@ struct Alignment {
                                   std::int64_t side, std::int64_t samples_of_a_pixel = 4);
 
 /// The known pixels of aligned_crop, (side, side, 1), see nn/known_pixels.h: those that
-/// lie, with half a pixel of the crop around them, within the photo and on known pixels of
+/// lie, with a pixel of the crop around them, within the photo and on known pixels of
 /// `photo_known` (height, width, 1), if it is defined. Undefined if all are known.
 [[nodiscard]] Tensor known_crop(const Alignment& alignment, std::int64_t side, std::int64_t height,
                                 std::int64_t width, const Tensor& photo_known = {});

@@ -43,8 +43,8 @@ public:
                  std::filesystem::path film, FilmOptions options, bool have_masks);
 
     [[nodiscard]] const FilmOptions& options() const { return options_; }
-    /// Up to FilmOptions::key_frames frames with the face, those whose identities (face_codes) are
-    /// most alike: after a cut a film may show somebody else.
+    /// Up to FilmOptions::key_frames frames with the face, those whose identities
+    /// (uncorrected_codes) are most alike: after a cut a film may show somebody else.
     [[nodiscard]] const std::vector<FrameInWork>& keys() const { return keys_; }
     /// Of the frames that count.
     [[nodiscard]] double frames_per_second() const { return rate_; }

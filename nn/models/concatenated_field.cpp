@@ -152,7 +152,7 @@ RenderedFeatures ConcatenatedField::render_tracked(const Variable& points, const
         {slice(result, 2, 0, per_ray), slice(result, 2, per_ray, per_ray + 1)},
         slice(result, 2, per_ray + 1, result.shape(2))};
     if (config_.colors) return rendered;
-    // W sum_i w_i f_i + b sum_i w_i, as in RadianceField::finish.
+    // W sum_i w_i f_i + b sum_i w_i, as in RadianceField::apply_last_layer.
     const Variable weight = feature2_.effective_weight();
     rendered.features =
         linear(rendered.features, reshape(weight, {1, weight.shape(0), weight.shape(1)}), {}) +
