@@ -89,7 +89,7 @@ FitProblem::FitProblem(const Model& model, const ReconstructionLoss& loss, const
     const bool person = options.fitted_groups[0] || options.fitted_groups[2];
     if (person && weights_.identity > 0.0 && model.has_encoder() && model.encoder().knows_faces())
         photo_embeddings_ =
-            face_embeddings(faces.targets.back(), faces.cameras, faces.known).value();
+            face_embeddings(model, faces.targets.back(), faces.cameras, faces.known).value();
     for (std::size_t i = 0; i < sides_.size() && photo_embeddings_.defined(); ++i) {
         std::vector<Camera> cameras;
         for (const Camera& camera : faces.cameras)
@@ -106,16 +106,9 @@ FitProblem::FitProblem(const Model& model, const ReconstructionLoss& loss, const
     }
 }
 
-Variable FitProblem::face_embeddings(const Variable& images, std::span<const Camera> cameras,
-                                     const Tensor& known) const {
-    const Tensor here = known_at(known, images.shape(1), images.shape(2));
-    return model_.encoder().face_embedding(
-        augmented(where_known(here, images, -1.0), ffhq_frames(cameras, model_.config().camera)));
-}
-
 Variable FitProblem::side_embeddings(const Codes& codes) const {
     const Decoded decoded = model_.decoder()(codes, side_->cameras, side_->decode);
-    return face_embeddings(decoded.images.back(), side_->cameras, {});
+    return face_embeddings(model_, decoded.images.back(), side_->cameras);
 }
 
 Codes FitProblem::code_offsets() const {
@@ -213,7 +206,8 @@ FitLoss FitProblem::loss_here() {
         seen.surfaces = surfaces;
     }
     if (photo_embeddings_.defined()) {
-        seen.embeddings = face_embeddings(decoded.images.back(), faces_.cameras, faces_.known);
+        seen.embeddings =
+            face_embeddings(model_, decoded.images.back(), faces_.cameras, faces_.known);
         if (side_ != nullptr) seen.side_embeddings = side_embeddings(codes_now);
         seen.photo_embeddings = photo_embeddings_;
     }

@@ -61,9 +61,6 @@ private:
     /// By face, the surface of its head, which is first moved to the rendered face.
     [[nodiscard]] std::vector<std::optional<FaceSurface>> aligned_surfaces(const Variable& depths);
 
-    /// Of images of the faces, with what is not `known` left out.
-    [[nodiscard]] Variable face_embeddings(const Variable& images, std::span<const Camera> cameras,
-                                           const Tensor& known) const;
     /// Of the faces seen from the chosen side.
     [[nodiscard]] Variable side_embeddings(const Codes& codes) const;
 

@@ -45,6 +45,7 @@ constexpr double largest_yaw = 40.0, largest_pitch = 15.0;
 /// A view that the tuned decoder is compared with, beside the photo.
 struct Anchor {
     std::int64_t row;  ///< of the face
+    bool shows_face;   ///< else one with a neighbouring code
     Codes codes;
     Camera camera;
     std::vector<Tensor> images;            ///< target, in ascending order of sides
@@ -78,6 +79,12 @@ public:
             photos_.push_back(loss.kept_target(images, faces.known_of(i)));
             weigh_largest(photos_.back().weights, images.size(), original.decoder());
             look_at_photo(i);
+            if (options.weights.identity > 0.0 && original.has_encoder() &&
+                original.encoder().knows_faces())
+                embeddings_.push_back(face_embeddings(original, photos_.back().images.back(),
+                                                      {&cameras_[static_cast<std::size_t>(i)], 1},
+                                                      faces.known_of(i))
+                                          .value());
         }
         significant_.resize(photos_.size());
         tuned.parameters().set_trainable("", false);
@@ -155,8 +162,14 @@ private:
                                                  decoding(anchor.images.back().shape(1)));
         std::vector<double> weights = original_.config().reconstruction.resolution_weights;
         weigh_largest(weights, anchor.images.size(), original_.decoder());
-        return loss_of({.decoded = decoded, .kept_images = anchor.images, .kept_weights = weights},
-                       anchor.surface, anchor.row);
+        FitComparison seen{
+            .decoded = decoded, .kept_images = anchor.images, .kept_weights = weights};
+        if (anchor.shows_face && !embeddings_.empty()) {
+            seen.side_embeddings =
+                face_embeddings(original_, decoded.images.back(), {&anchor.camera, 1});
+            seen.photo_embeddings = embeddings_[static_cast<std::size_t>(anchor.row)];
+        }
+        return loss_of(seen, anchor.surface, anchor.row);
     }
 
     /// The loss of a comparison, which also gets the depth of the face of this row.
@@ -172,7 +185,7 @@ private:
     [[nodiscard]] Anchor make_anchor(std::int64_t number) {
         const bool neighbour = number % 3 == 0;
         const std::int64_t row = number / 3 % codes_.batch();
-        Anchor anchor{row, codes_of_face(codes_, row), {}, {}};
+        Anchor anchor{row, !neighbour, codes_of_face(codes_, row), {}, {}};
         if (neighbour) anchor.codes = add(anchor.codes, random_offset());
         const double yaw = uniform(rng_, -largest_yaw, largest_yaw);
         const double pitch = uniform(rng_, -largest_pitch, largest_pitch);
@@ -261,6 +274,7 @@ private:
     std::vector<std::optional<FaceSurface>> surfaces_;  ///< in the photos
     std::vector<SeenFace> seen_;                        ///< by the cameras of the photos
     std::vector<ReconstructionLoss::Target> photos_;
+    std::vector<Tensor> embeddings_;   ///< of the photos; empty: they are not compared
     std::vector<Tensor> significant_;  ///< by photo: 1 for samples that are evaluated
     Rng rng_ = Rng(options_.seed).split("anchors");
     std::vector<Anchor> anchors_;  ///< those that were needed so far

@@ -34,7 +34,9 @@ struct TuningOptions {
     /// image. The others are the face itself from other sides; their target has the photo's colours
     /// where the photo shows the same points (render/turned_photo.h), elsewhere those of the
     /// original decoder. A locality weight of 0: there are no anchors.
-    FitWeights weights{.regularizer = 0.0, .locality = 2.0, .depth = 1.0, .mask = 0.05};
+    /// The weight of identity is that of the face at the anchors that show it from other sides.
+    FitWeights weights{
+        .regularizer = 0.0, .locality = 2.0, .depth = 1.0, .mask = 0.05, .identity = 0.1};
     /// The linear head to which the faces' codes belong; null: the tuned shape follows from colours
     /// alone. Where a face has a code, the depth of the tuned face is drawn to this head's: in
     /// every step in the photo, and at the anchors that show the face from other sides. Their

@@ -81,6 +81,10 @@ void declare_tuning(Command& command, TuningOptions& tuning) {
     command.option("--tune-depth", tuning.weights.depth, "--depth-weight while tuning")
         .range(0, 1e6);
     command
+        .option("--tune-identity", tuning.weights.identity,
+                "--identity-weight while tuning, of the face seen from a side")
+        .range(0, 1e6);
+    command
         .option("--locality", tuning.weights.locality,
                 "weight of the term that keeps other faces and other views as they were while "
                 "tuning")

@@ -1,10 +1,7 @@
 #include "nn/models/code_correction.h"
 
-#include <array>
-
 #include "core/autograd/grad.h"
 #include "core/ops/ops.h"
-#include "nn/image_augmentation.h"
 #include "nn/known_pixels.h"
 #include "nn/models/camera_problem.h"
 #include "nn/models/identity_network.h"
@@ -52,7 +49,7 @@ CorrectionTarget::CorrectionTarget(const Model& model, const FaceBatch& batch, s
     const Encoder& encoder = model.encoder();
     if (!encoder.knows_faces()) return;
     const Variable photo(face_.targets.back());
-    embedding_ = embedding_of(photo);
+    embedding_ = face_embeddings(model, photo, face_.cameras);
     if (!encoder.backbone().has_activations()) return;
     distance_.emplace(encoder);
     for (const Variable& feature : distance_->features(photo))
@@ -77,14 +74,10 @@ Variable CorrectionTarget::image_error(const Decoded& decoded) const {
 
 Variable CorrectionTarget::feature_error(const Decoded& decoded) const {
     const Variable rendered = with_known(decoded.images.back());
-    const Variable who = -sum(embedding_of(rendered) * embedding_) * identity_weight;
+    const Variable who =
+        -sum(face_embeddings(model_, rendered, face_.cameras) * embedding_) * identity_weight;
     if (!distance_) return who;
     return who + sum(distance_->distance_to(rendered, features_)) * perceptual_weight;
-}
-
-Variable CorrectionTarget::embedding_of(const Variable& image) const {
-    const std::array frame{ffhq_frame(camera(), model_.config().camera)};
-    return model_.encoder().face_embedding(augmented(image, frame));
 }
 
 Variable CorrectionTarget::with_known(const Variable& image) const {

@@ -29,7 +29,6 @@ public:
     [[nodiscard]] std::vector<Tensor> gradients(const Tensor& codes) const;
 
 private:
-    [[nodiscard]] Variable embedding_of(const Variable& image) const;
     [[nodiscard]] Variable image_error(const Decoded& decoded) const;
     [[nodiscard]] Variable feature_error(const Decoded& decoded) const;
     /// The rendered image, black where the photo is unknown.

@@ -1,6 +1,7 @@
 #include "nn/models/identity_network.h"
 
 #include "core/ops/ops.h"
+#include "nn/known_pixels.h"
 #include "nn/models/encoder.h"
 
 namespace stymo {
@@ -40,6 +41,13 @@ std::vector<ImageAugmentation> ffhq_frames(std::span<const Camera> cameras,
     std::vector<ImageAugmentation> frames;
     for (const Camera& camera : cameras) frames.push_back(ffhq_frame(camera, model));
     return frames;
+}
+
+Variable face_embeddings(const Model& model, const Variable& images,
+                         std::span<const Camera> cameras, const Tensor& known) {
+    const Tensor here = known_at(known, images.shape(1), images.shape(2));
+    return model.encoder().face_embedding(
+        augmented(where_known(here, images, -1.0), ffhq_frames(cameras, model.config().camera)));
 }
 
 }  // namespace stymo

@@ -42,4 +42,10 @@ private:
 [[nodiscard]] std::vector<ImageAugmentation> ffhq_frames(std::span<const Camera> cameras,
                                                          const CameraConfig& model);
 
+/// Encoder::face_embedding of images (B, S, S, 3) in [-1, 1] by these cameras, each first brought
+/// into FFHQ's crop. Pixels that are not `known` (B, T, T, 1) are black. Needs
+/// Encoder::knows_faces.
+[[nodiscard]] Variable face_embeddings(const Model& model, const Variable& images,
+                                       std::span<const Camera> cameras, const Tensor& known = {});
+
 }  // namespace stymo

@@ -212,6 +212,12 @@ namespace {
 /// What tuning minimises in a step with the photo, and with an anchor.
 struct TunedPhoto : Photo {
     FitWeights weights = TuningOptions{}.weights;
+    /// Who the face is only counts from a side.
+    FitWeights of_photo = [] {
+        FitWeights all = TuningOptions{}.weights;
+        all.identity = 0.0;
+        return all;
+    }();
     std::vector<Tensor> kept{Rng(9).uniform({1, 16, 16, 3}, -1.0, 1.0).to(dtype)};
     std::vector<double> kept_weights{1.0};
     Camera aside = model_camera(model, 0.5, 0.1, 0.0);
@@ -230,6 +236,8 @@ struct TunedPhoto : Photo {
                          .kept_images = kept,
                          .kept_weights = kept_weights,
                          .depths = expected_depth(decoded),
+                         .side_embeddings = embedding(decoded.images.back(), aside),
+                         .photo_embeddings = embedding(faces.targets.back()).value(),
                          .surfaces = {&surface, 1},
                          .heads = &heads},
                         weights);
@@ -250,7 +258,7 @@ TEST_CASE("The gradient of tuning is that of its terms, with the photo and with 
     const std::optional<FaceSurface> turned = photo.heads.surface(0, photo.aside, 8);
     REQUIRE((surface && turned));
     const auto loss = [&] {
-        FitLoss with_photo = photo.compared(photo.seen(decode), nullptr, surface, photo.weights);
+        FitLoss with_photo = photo.compared(photo.seen(decode), nullptr, surface, photo.of_photo);
         CHECK(with_photo.terms.size() == 3);
         return with_photo.total + photo.anchored(turned).total;
     };
@@ -278,7 +286,7 @@ TEST_CASE("The first loss of tuning is that of these terms", "[tuning]") {
                      {.steps = 1, .head = &Photo::builtin_head_once(), .samples_per_ray = samples});
     const Decoded decoded = photo.seen(photo.decoding(true));
     const FitLoss expected =
-        photo.compared(decoded, nullptr, photo.surface_at(decoded), photo.weights);
+        photo.compared(decoded, nullptr, photo.surface_at(decoded), photo.of_photo);
     REQUIRE(result.terms.size() == expected.terms.size());
     for (std::size_t i = 0; i < expected.terms.size(); ++i) {
         INFO(expected.terms[i].first);
@@ -286,6 +294,30 @@ TEST_CASE("The first loss of tuning is that of these terms", "[tuning]") {
         CHECK(result.terms[i].second == Approx(expected.terms[i].second).epsilon(1e-4));
     }
     CHECK(result.losses.front() == Approx(expected.total.value().item()).epsilon(1e-4));
+}
+
+TEST_CASE("Tuning makes the face seen from aside more like the person", "[tuning]") {
+    const Photo photo(DType::float32);
+    const Tensor person = photo.embedding(photo.faces.targets.back()).value();
+    const auto likeness = [&](double weight) {
+        Model tuned = dense_model(1, DType::float32);
+        static_cast<void>(tune_decoder(photo.model, tuned, photo.loss, photo.faces, photo.codes,
+                                       {photo.camera},
+                                       {.steps = 60,
+                                        .weights = {.locality = 2.0, .identity = weight},
+                                        .samples_per_ray = samples}));
+        double sum = 0.0;
+        for (const double yaw : {-0.5, 0.5}) {
+            const Camera aside = model_camera(photo.model, yaw, 0.0, 0.0);
+            const Decoded seen =
+                tuned.decoder()(photo.codes, {aside}, {.samples_per_ray = samples});
+            sum += stymo::sum(photo.embedding(seen.images.back(), aside) * Variable(person))
+                       .value()
+                       .item();
+        }
+        return sum;
+    };
+    CHECK(likeness(0.5) > likeness(0.0) + 0.02);
 }
 
 }  // namespace fit_gradient_tests
