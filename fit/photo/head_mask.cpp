@@ -6,6 +6,7 @@
 #include <span>
 
 #include "core/error.h"
+#include "core/ops/shape_ops.h"
 #include "fit/photo/mask_band.h"
 #include "fit/photo/mask_edge.h"
 
@@ -48,6 +49,19 @@ void fill_small_holes(cv::Mat& component) {
     }
 }
 
+bool reaches_top(const Tensor& probability) {
+    return std::ranges::any_of(
+        probability.values<float>().first(static_cast<std::size_t>(probability.shape(1))), is_set);
+}
+
+/// The rows from the top of a crop with its margin to the bottom of the crop, and the crop's
+/// columns.
+Tensor crop_and_above(const Tensor& surrounded, std::int64_t side) {
+    const std::int64_t margin = head_mask_margin(side);
+    return slice(slice(Variable(surrounded), 0, 0, margin + side), 1, margin, margin + side)
+        .value();
+}
+
 }  // namespace
 
 Tensor soft_head_mask(const Tensor& probability) {
@@ -79,8 +93,33 @@ Tensor soft_head_mask(const Tensor& probability) {
     return mask;
 }
 
-Tensor head_mask(const HeadMaskModel& model, const Tensor& crop) {
-    return edge_by_color(soft_head_mask(head_probability(model, crop)), crop);
+Tensor bounded_at_top(const Tensor& alone, const Tensor& surrounded) {
+    const std::int64_t side = alone.shape(0), margin = head_mask_margin(side);
+    if (!(surrounded.shape() == Shape{side + 2 * margin, side + 2 * margin, 1}))
+        fail<ShapeError>("[bounded_at_top] a crop of ", alone.shape(), " within ",
+                         surrounded.shape());
+    Tensor result = crop_and_above(surrounded, side);
+    const std::span<float> below =
+        result.mutable_values<float>().subspan(static_cast<std::size_t>(margin * side));
+    const std::span<const float> values = alone.values<float>();
+    for (std::size_t i = 0; i < below.size(); ++i) {
+        const auto row = static_cast<std::int64_t>(i) / side;
+        const float distance = static_cast<float>(row) / static_cast<float>(margin);
+        below[i] = std::min(values[i], below[i] + distance * distance);
+    }
+    return result;
+}
+
+Tensor head_mask(const HeadMaskModel& model, const Tensor& crop, const SurroundedCrop& surrounded) {
+    const Tensor alone = head_probability(model, crop);
+    if (!surrounded || !reaches_top(alone)) return edge_by_color(soft_head_mask(alone), crop);
+    constexpr std::int64_t usual = HeadMaskNetwork::usual_side;
+    const std::int64_t side = crop.shape(0), margin = head_mask_margin(side);
+    const Tensor around = surrounded();
+    const Tensor found = head_probability(model, around, usual + 2 * head_mask_margin(usual));
+    const Tensor mask =
+        edge_by_color(soft_head_mask(bounded_at_top(alone, found)), crop_and_above(around, side));
+    return slice(Variable(mask), 0, margin, margin + side).value();
 }
 
 double intersection_over_union(const Tensor& a, const Tensor& b) {

@@ -183,12 +183,12 @@ struct PhotoPreparation::Implementation {
         return result;
     }
 
-    [[nodiscard]] Tensor made_mask(const Tensor& image) const {
+    [[nodiscard]] Tensor made_mask(const Tensor& image, const SurroundedCrop& surrounded) const {
         if (!masks)
             fail<ValueError>(
                 "its head mask is not known, and no head-mask network lies beside this "
                 "program; name one with --mask-net");
-        return head_mask(*masks, image);
+        return head_mask(*masks, image, surrounded);
     }
 
     [[nodiscard]] FaceCrop crop(const Tensor& photo, const KnownOfPhoto& known,
@@ -257,9 +257,17 @@ FaceCrop PhotoPreparation::Implementation::crop_at(const Alignment& alignment, b
     crop.image = resized(large, side);
     crop.landmarks = landmarks_at(side);
     const Tensor image = resized(large, mask_side);
+    SurroundedCrop surrounded;
+    if (!is_far && !crop.was_aligned)
+        surrounded = [&] {
+            const std::int64_t wide = mask_side + 2 * head_mask_margin(mask_side);
+            const double scale = static_cast<double>(wide) / static_cast<double>(mask_side);
+            return aligned_crop(photo, {alignment.center, scale * alignment.axis}, wide,
+                                sides.samples_of_a_pixel);
+        };
     const Tensor known = of_photo.mask.defined() ? cut(of_photo.mask, mask_side) : Tensor();
     crop.made_mask = sides.has_mask && (settings.new_masks || !known.defined());
-    const Tensor mask = crop.made_mask   ? made_mask(image)
+    const Tensor mask = crop.made_mask   ? made_mask(image, surrounded)
                         : sides.has_mask ? known
                                          : Tensor::full({mask_side, mask_side, 1}, 1.0);
     crop.mask = resized(mask, side);

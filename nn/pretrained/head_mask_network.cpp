@@ -114,8 +114,7 @@ void write_head_mask_model(const std::filesystem::path& path, const HeadMaskMode
     write_tensor_file(path, file, StoredElements::float16);
 }
 
-Tensor head_probability(const HeadMaskModel& model, const Tensor& crop) {
-    constexpr std::int64_t side = HeadMaskNetwork::usual_side;
+Tensor head_probability(const HeadMaskModel& model, const Tensor& crop, std::int64_t side) {
     const Tensor image =
         clamp(resize_image(crop, static_cast<int>(side), static_cast<int>(side)), 0.0, 1.0).value();
     const std::vector<Variable> pair{reshape(image, {1, side, side, 3}),

@@ -63,8 +63,10 @@ struct HeadMaskModel {
 void write_head_mask_model(const std::filesystem::path& path, const HeadMaskModel& model);
 
 /// The probability (S, S, 1) that a pixel of an aligned crop (S, S, 3) in [0, 1], of any side,
-/// belongs to the head: the mean for the crop at the usual side and for its mirror image.
-[[nodiscard]] Tensor head_probability(const HeadMaskModel& model, const Tensor& crop);
+/// belongs to the head: the mean for the crop at the side `seen`, a multiple of `side_divisor`, and
+/// for its mirror image.
+[[nodiscard]] Tensor head_probability(const HeadMaskModel& model, const Tensor& crop,
+                                      std::int64_t seen = HeadMaskNetwork::usual_side);
 
 /// Mean binary cross-entropy of logits against masks in [0, 1] over the pixels that are known.
 /// `known` has the weight of each pixel, 0 for a pixel whose label counts for nothing. All three

@@ -61,6 +61,42 @@ TEST_CASE("a soft head mask is its largest component, solid inside, with the sof
     CHECK_THROWS_AS(soft_head_mask(Tensor::zeros({8, 8, 3})), ShapeError);
 }
 
+TEST_CASE("near its top a mask is bounded by what the surroundings show") {
+    constexpr std::int64_t side = 16, margin = head_mask_margin(side), wide = side + 2 * margin;
+    const Tensor alone = Tensor::full({side, side, 1}, 0.75);
+    Tensor surrounded = Tensor::full({wide, wide, 1}, 0.5);
+    surrounded.mutable_values<float>()[margin * wide + margin + 3] = 1.0F;
+    const Tensor bounded = bounded_at_top(alone, surrounded);
+    REQUIRE(bounded.shape() == Shape{margin + side, side, 1});
+    const auto at = [&](std::int64_t row, std::int64_t column) {
+        return bounded.values<float>()[static_cast<std::size_t>(row * side + column)];
+    };
+    CHECK(at(0, 0) == 0.5F);
+    CHECK(at(margin, 0) == 0.5F);
+    CHECK(at(margin, 3) == 0.75F);
+    CHECK(at(margin + 1, 0) == 0.75F);  // of at most 0.5 + (1 / 2)^2
+    CHECK(at(margin + side - 1, 0) == 0.75F);
+    CHECK_THROWS_AS(bounded_at_top(alone, alone), ShapeError);
+}
+
+TEST_CASE("a head that does not reach the top is not looked at with its surroundings") {
+    const HeadMaskModel model = make_head_mask_model(Rng(1));
+    const Tensor crop = Rng(2).uniform({64, 64, 3}, 0.0, 1.0);
+    for (const double answer : {-100.0, 100.0}) {
+        for (const Parameter& parameter : model.store->all())
+            if (parameter.name() == "head_mask.answer.bias")
+                parameter.set_value(Tensor::full(parameter.variable().shape(), answer));
+        bool asked = false;
+        const Tensor mask = head_mask(model, crop, [&] {
+            asked = true;
+            return Tensor::full({80, 80, 3}, 0.5);
+        });
+        CHECK(mask.shape() == Shape{64, 64, 1});
+        CHECK(asked == (answer > 0.0));
+        CHECK(covered_share(mask) == (answer > 0.0 ? 1.0 : 0.0));
+    }
+}
+
 TEST_CASE("intersection over union counts pixels") {
     const Tensor left =
         filled(10, [](std::int64_t, std::int64_t column) { return column < 6 ? 1 : 0; });
