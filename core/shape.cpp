@@ -19,6 +19,15 @@ Shape::Shape(std::span<const std::int64_t> extents) {
                     [](std::int64_t extent) { return extent < 0; })) {
         fail<ShapeError>("[shape] negative extent in ", *this);
     }
+    require_countable();
+}
+
+void Shape::require_countable() const {
+    if (std::ranges::count(extents(), 0) > 0) return;
+    std::int64_t elements = 1;
+    for (const std::int64_t extent : extents())
+        if (__builtin_mul_overflow(elements, extent, &elements))
+            fail<ShapeError>("[shape] ", *this, " is too large: 64 bits do not count its elements");
 }
 
 std::int64_t Shape::size() const {
@@ -35,6 +44,7 @@ int Shape::index(int axis) const {
 Shape Shape::with(int axis, std::int64_t extent) const {
     Shape changed = *this;
     changed.extents_[static_cast<std::size_t>(index(axis))] = extent;
+    changed.require_countable();
     return changed;
 }
 

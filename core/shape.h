@@ -15,7 +15,8 @@ public:
     static constexpr int max_rank = 6;
 
     Shape() = default;
-    /// Throws ShapeError for more than `max_rank` axes or a negative extent.
+    /// Throws ShapeError for more than `max_rank` axes, a negative extent, or more elements than 64
+    /// bits count.
     Shape(std::initializer_list<std::int64_t> extents);
     explicit Shape(std::span<const std::int64_t> extents);
 
@@ -40,6 +41,8 @@ public:
     bool operator==(const Shape& other) const;
 
 private:
+    void require_countable() const;
+
     std::array<std::int64_t, max_rank> extents_{};
     int rank_ = 0;
 };

@@ -48,11 +48,10 @@ Tensor from_values(const Shape& shape, std::span<const T> values) {
 }
 
 std::size_t bytes_of(const Shape& shape, DType dtype) {
-    auto bytes = static_cast<std::int64_t>(size_in_bytes(dtype));
-    if (std::ranges::count(shape.extents(), 0) > 0) return 0;
-    for (const std::int64_t extent : shape.extents())
-        if (__builtin_mul_overflow(bytes, extent, &bytes))
-            fail<ShapeError>("[tensor] ", shape, " is too large");
+    std::int64_t bytes = 0;
+    if (__builtin_mul_overflow(shape.size(), static_cast<std::int64_t>(size_in_bytes(dtype)),
+                               &bytes))
+        fail<ShapeError>("[tensor] ", shape, " is too large");
     return static_cast<std::size_t>(bytes);
 }
 

@@ -200,7 +200,7 @@ template void multiply_into<double>(double*, const double*, const double*, std::
                                     std::int64_t, std::int64_t, MatmulOptions, bool);
 
 Tensor matmul(const Tensor& a, const Tensor& b, MatmulOptions options) {
-    const Extents e{std::max(a.shape(0), b.shape(0)), a.shape(options.transpose_a ? 2 : 1),
+    const Extents e{a.shape(0) == 1 ? b.shape(0) : a.shape(0), a.shape(options.transpose_a ? 2 : 1),
                     b.shape(options.transpose_b ? 1 : 2), a.shape(options.transpose_a ? 1 : 2)};
     Tensor c({e.batch, e.m, e.n}, a.dtype());
     dispatch(a.dtype(), [&]<class T>(T) {

@@ -168,11 +168,21 @@ TEST_CASE("Ops on empty tensors have the right shapes, and gradients of zero", "
     const Variable x = Variable::leaf(Tensor::zeros({0, 8, 8, 16}));
     const Variable kernel = Variable::leaf(Tensor::full({16, 3, 3, 16}, 1.0));
     CHECK(gradients_of(conv2d(x, kernel, Conv2dOptions{.padding = 1}), {x, kernel}) == 0.0);
+    for (const bool left : {true, false}) {
+        const Variable none = Variable::leaf(Tensor::zeros({0, 3, 3}));
+        const Variable one = Variable::leaf(Tensor::full({1, 3, 3}, 1.0));
+        const Variable product = left ? matmul(none, one) : matmul(one, none);
+        CHECK(product.shape() == Shape{0, 3, 3});
+        CHECK(gradients_of(product, {none, one}) == 0.0);
+    }
+    const Variable no_batch = Variable::leaf(Tensor::zeros({0, 4, 16}));
     const Variable rows = Variable::leaf(Tensor::zeros({1, 0, 16}));
     const Variable weight = Variable::leaf(Tensor::full({1, 8, 16}, 1.0));
     const Variable bias = Variable::leaf(Tensor::full({8}, 1.0));
-    CHECK(gradients_of(linear(rows, weight, bias, Activation::leaky_relu), {rows, weight, bias}) ==
-          0.0);
+    for (const Activation activation : {Activation::none, Activation::sine, Activation::leaky_relu})
+        for (const Variable& input : {rows, no_batch})
+            CHECK(gradients_of(linear(input, weight, bias, activation), {input, weight, bias}) ==
+                  0.0);
 }
 
 TEST_CASE("where does not show what it does not take", "[ops]") {

@@ -26,6 +26,10 @@ TEST_CASE("A shape knows its extents from both ends", "[tensor]") {
     CHECK_THROWS_AS(shape[-4], ShapeError);
     CHECK_THROWS_AS((Shape{1, -1}), ShapeError);
     CHECK_THROWS_AS((Shape{1, 1, 1, 1, 1, 1, 1}), ShapeError);
+    constexpr std::int64_t large = std::int64_t{1} << 32;
+    CHECK_THROWS_AS((Shape{large, large}), ShapeError);
+    CHECK_THROWS_AS((Shape{large, 1}).with(1, large), ShapeError);
+    CHECK((Shape{0, large, large}).size() == 0);
     std::ostringstream text;
     text << shape;
     CHECK(text.str() == "(2, 3, 4)");
