@@ -56,12 +56,14 @@ void Page::add(const Table& table) {
     fact(table.name, to_json(table));
     if (folder_.empty()) return;
     const std::string file = name_ + "_" + table.name + ".csv";
-    write_file(folder_ / file, csv(table), Durability::none);
+    files_.emplace_back(file, csv(table));
     text("Numbers: [" + file + "](" + file + ")");
 }
 
 AppResult Page::finish() const {
     if (!folder_.empty()) {
+        for (const auto& [name, bytes] : files_)
+            write_file(folder_ / name, bytes, Durability::none);
         write_file(folder_ / (name_ + ".md"), result_.text, Durability::none);
         write_file(folder_ / (name_ + ".json"), result_.json.text() + "\n", Durability::none);
     }

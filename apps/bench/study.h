@@ -109,12 +109,13 @@ public:
     void add(const Table& table);
     /// Adds a member to NAME.json only.
     void fact(const std::string& key, const JsonValue& value) { result_.json.add(key, value); }
-    /// Writes NAME.md and NAME.json and returns their contents.
+    /// Writes NAME.md, NAME.json and the tables, and returns the contents of the first two.
     [[nodiscard]] AppResult finish() const;
 
 private:
     std::string name_;
     std::filesystem::path folder_;
+    std::vector<std::pair<std::string, std::string>> files_;  ///< names and contents of tables
     AppResult result_;
 };
 

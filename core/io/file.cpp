@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cerrno>
 #include <cstring>
 #include <span>
@@ -36,8 +37,9 @@ private:
 };
 
 fs::path temporary_beside(const fs::path& path) {
-    const std::string name = "." + path.stem().string() + "." + std::to_string(::getpid()) +
-                             ".part" + path.extension().string();
+    static std::atomic<std::uint64_t> files{0};  // threads may write the same file
+    const std::string name = "." + path.stem().string() + "." + std::to_string(::getpid()) + "-" +
+                             std::to_string(files++) + ".part" + path.extension().string();
     return path.parent_path() / name;
 }
 
@@ -47,7 +49,7 @@ bool is_temporary(const fs::path& path) {
     const std::size_t end = name.rfind(".part");
     const std::size_t number = end == std::string::npos ? end : name.rfind('.', end - 1);
     return name.starts_with('.') && number != std::string::npos && number > 0 && number + 1 < end &&
-           name.find_first_not_of("0123456789", number + 1) == end;
+           name.find_first_not_of("0123456789-", number + 1) == end;
 }
 
 const char* reason_of(int error_number) {

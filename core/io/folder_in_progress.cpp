@@ -31,6 +31,8 @@ FolderInProgress::FolderInProgress(const fs::path& target) : target_((target / "
     require_writable_folder(parent);
     path_ =
         parent / ("." + target_.filename().string() + "." + std::to_string(::getpid()) + ".part");
+    // An earlier process of this number may have been killed.
+    fs::remove_all(path_, ignored);
     require_writable_folder(path_);
 }
 

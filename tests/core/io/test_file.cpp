@@ -4,6 +4,7 @@
 
 #include "core/error.h"
 #include "core/io/file.h"
+#include "core/io/folder_in_progress.h"
 #include "core/io/scratch_folder.h"
 
 using namespace stymo;
@@ -50,9 +51,39 @@ TEST_CASE("a write that fails leaves the old file and no temporary one") {
     CHECK(folder.file_count() == 1);
 }
 
+TEST_CASE("threads that write the same file do not disturb each other") {
+    const ScratchFolder folder;
+    write_whole(folder / "a.txt", [&](const std::filesystem::path& temporary) {
+        std::ofstream(temporary) << "outer";
+        write_file(folder / "a.txt", "inner", Durability::none);
+        CHECK(read_file(folder / "a.txt") == "inner");
+    });
+    CHECK(read_file(folder / "a.txt") == "outer");
+    CHECK(folder.file_count() == 1);
+}
+
+TEST_CASE("a folder in progress does not take over what a killed process left") {
+    const ScratchFolder folder;
+    const auto target = folder / "run";
+    std::filesystem::path left;
+    {
+        const FolderInProgress one(target);
+        left = one.path();
+    }
+    require_writable_folder(left / "images");
+    write_file(left / "images" / "old.png", "old", Durability::none);
+    FolderInProgress next(target);
+    CHECK(next.path() == left);
+    write_file(next.path() / "new.png", "new", Durability::none);
+    next.finish();
+    CHECK(read_file(target / "new.png") == "new");
+    CHECK_FALSE(std::filesystem::exists(target / "images"));
+    CHECK_FALSE(std::filesystem::exists(left));
+}
+
 TEST_CASE("what killed processes left half-written is removed, and nothing else") {
     const ScratchFolder folder;
-    for (const char* name : {".a.12.part.txt", ".a.12.part", "..a.1.2.part.png"})
+    for (const char* name : {".a.12.part.txt", ".a.12-3.part", "..a.1.2.part.png"})
         write_file(folder / name, "half", Durability::none);
     for (const char* name : {"a.12.part.txt", ".a.part.txt", ".a.x.part", ".part", "a.txt"})
         write_file(folder / name, "kept", Durability::none);
