@@ -78,6 +78,9 @@ void Muon::step(std::span<const Parameter> parameters, std::span<const Variable>
                              " has shape ", gradient.shape(), ", the parameter ", value.shape());
         Tensor& memory = momenta_[parameter.name()];
         if (!memory.defined()) memory = Tensor::zeros(value.shape(), value.dtype());
+        if (!(memory.shape() == value.shape()))
+            fail<ShapeError>("what the optimizer remembers of ", parameter.name(),
+                             " has another shape than ", value.shape());
         memory = (Variable(memory) * momentum + gradient * (1.0 - momentum)).value();
         const Variable direction = Variable(memory) * momentum + gradient * (1.0 - momentum);
         const Variable matrix = reshape(direction, {value.shape(0), -1});
@@ -131,6 +134,9 @@ using Groups = std::array<Group, 2>;
 
 void HybridOptimizer::step(std::span<const Parameter> parameters,
                            std::span<const Variable> gradients, const OptimizerRates& rates) {
+    // Before any of the groups has moved.
+    if (const std::optional<std::string> name = first_non_finite(parameters, gradients))
+        fail<NumericError>("the gradient of ", *name, " is not finite");
     Groups matrices, others;
     for (std::size_t i = 0; i < parameters.size(); ++i) {
         Groups& groups = is_hidden_matrix(parameters[i], scope_) ? matrices : others;

@@ -2,6 +2,7 @@
 #include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <limits>
 
 #include "core/error.h"
 #include "core/ops/elementwise.h"
@@ -132,6 +133,31 @@ TEST_CASE("Muon refuses what is no matrix or does not fit", "[muon]") {
     CHECK_THROWS_WITH(muon.step(store.all(), std::vector<Variable>{Tensor::zeros({4})}, 0.1),
                       Catch::Contains("gradient of w"));
     CHECK_THROWS_AS(muon.step(store.all(), {}, 0.1), ValueError);
+}
+
+TEST_CASE("a step that is refused moves nothing", "[muon]") {
+    ParameterStore store;
+    store.create("decoder.bias", Tensor::zeros({16}));
+    store.create("decoder.hidden", Tensor::zeros({16, 16}));
+    const std::vector<Variable> broken{
+        Tensor::full({16}, 1.0), Tensor::full({16, 16}, std::numeric_limits<double>::quiet_NaN())};
+    HybridOptimizer hybrid({}, MuonScope::decoder);
+    CHECK_THROWS_AS(hybrid.step(store.all(), broken, {.learning_rate = 0.1}), NumericError);
+    CHECK_THROWS_AS(hybrid.step(store.all(), std::span(broken).first(1), {.learning_rate = 0.1}),
+                    ValueError);
+    for (const Parameter& parameter : store.all())
+        for (const double value : parameter.variable().value().to_vector()) CHECK(value == 0.0);
+    Muon muon;
+    TensorFile other;
+    ParameterStore wide;
+    wide.create("decoder.hidden", Tensor::zeros({1, 16}));
+    muon.step(wide.all(), std::vector<Variable>{Tensor::full({1, 16}, 1.0)}, 0.1);
+    muon.save(other, "");
+    Muon resumed;
+    resumed.load(other, "");
+    CHECK_THROWS_AS(resumed.step(std::span(store.all()).subspan(1),
+                                 std::vector<Variable>{Tensor::full({16, 16}, 1.0)}, 0.1),
+                    ShapeError);
 }
 
 TEST_CASE("the hybrid optimizer moves the decoder's hidden matrices by Muon, all else by Adam",
