@@ -84,9 +84,10 @@ void run_chunks(std::int64_t chunks, const char* caller, const Body& body) {
 }  // namespace
 
 void set_thread_count(int count) {
-    if (count < 0)
+    if (count < 0 || count > most_threads)
         fail<ValueError>("[threads] ", count,
-                         " threads; give 0 for one per processor or a positive number");
+                         " threads; give 0 for one per processor or a number from 1 to ",
+                         most_threads);
     requested_threads = count;
 }
 

@@ -12,8 +12,9 @@ namespace stymo {
 
 /// Sets the number of threads that `parallel_for` uses in this process; 0 means one for each
 /// processor that the process may use (core/machine_limits.h). Throws ValueError for a negative
-/// count.
+/// count or one above `most_threads`.
 void set_thread_count(int count);
+inline constexpr int most_threads = 1024;
 [[nodiscard]] int thread_count();
 
 /// Number of chunks of `grain` indices (the last may be shorter) that cover [0, count).

@@ -18,10 +18,7 @@ struct FaceMesh {
     LaidHead head;         ///< before seams were cut
 };
 
-/// Metres of a world unit.
-inline constexpr float metres = 0.1F;
-
-/// `texture_side` is a power of two, so that holes of the texture are filled. A neutral mesh lacks
+/// `texture_side` as in baked_texture. A neutral mesh lacks
 /// the expression that the head has in the photo. Throws what `surface_views` and `fitted_head`
 /// throw.
 [[nodiscard]] FaceMesh face_mesh(const Model& model, const Codes& codes, const MorphableHead& head,

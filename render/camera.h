@@ -22,6 +22,9 @@ struct Pose {
     Eigen::Vector3d translation{0.0, 0.0, 5.3};
 };
 
+/// Metres of a world unit, for files whose units are metres.
+inline constexpr float metres = 0.1F;
+
 /// A camera looking at the head along its own z axis: OpenCV axes, x right, y down, z forward.
 struct Camera {
     Intrinsics intrinsics;

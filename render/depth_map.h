@@ -5,8 +5,8 @@
 #include "core/tensor.h"
 #include "render/camera.h"
 
-/// Depth maps: float32 (R, R, 1), Euclidean distances from the camera along rays through the
-/// centres of pixels. Image points are in units of the image's side.
+/// Depth maps: float32 (R, R, 1) with R >= 2, Euclidean distances from the camera along rays
+/// through the centres of pixels. Image points are in units of the image's side.
 namespace stymo {
 
 /// Unit vector from the camera through an image point, in the camera's axes: x right, y down, z

@@ -1,8 +1,10 @@
 #include "render/texture.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
+#include "core/error.h"
 #include "core/parallel.h"
 
 namespace stymo {
@@ -120,6 +122,8 @@ Eigen::Array4f texel(const Tensor& texture, float u, float v, float white) {
 
 Tensor baked_texture(const TexturedMesh& mesh, std::span<const TextureView> views,
                      const Tensor& guess, std::int64_t side) {
+    if (side < 1 || !std::has_single_bit(static_cast<std::uint64_t>(side)))
+        fail<ValueError>("a texture's side is a power of two, not ", side);
     std::vector<Tensor> depths;
     for (const TextureView& view : views)
         depths.push_back(rasterize(mesh.vertices, mesh.vertices, mesh.triangles, view.camera,

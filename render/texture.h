@@ -36,7 +36,8 @@ struct TextureView {
 /// which its point is visible, weighted by the fourth power of the cosine between its normal and
 /// the direction of view, because slanted surfaces are blurred, and by the mask. `guess` (M, 4) are
 /// colours for what no picture shows and their small weights. Texels without any weight continue
-/// those around them. Throws what `rasterize` throws.
+/// those around them. Throws ValueError if the side is no power of two, and what `rasterize`
+/// throws.
 [[nodiscard]] Tensor baked_texture(const TexturedMesh& mesh, std::span<const TextureView> views,
                                    const Tensor& guess, std::int64_t side);
 

@@ -264,7 +264,7 @@ CommandLine::CommandLine(std::unique_ptr<Implementation> implementation)
         "--version", [name = app.get_name()] { return version_text(name); },
         "print version and build");
     option("--threads", common.threads, "number of threads, 0: one per processor")
-        .range(0, 1024)
+        .range(0, most_threads)
         .keeps_results();
     option("--matmul-precision", common.matmul_precision,
            "float32 products as float32 (highest), as pairs of bfloat16 where the processor has "

@@ -67,9 +67,15 @@ CodeFile read_own_codes(const std::filesystem::path& file, const ModelOptions& o
 void require_not_read(const std::filesystem::path& out,
                       const std::vector<std::filesystem::path>& inputs) {
     std::error_code missing;
-    for (const std::filesystem::path& input : inputs)
+    for (const std::filesystem::path& input : inputs) {
         if (std::filesystem::equivalent(input, out, missing))
             fail<UsageError>("--out: ", input.string(), ", which is read, would be replaced");
+        if (std::filesystem::is_directory(input, missing) &&
+            std::filesystem::equivalent(input, out.parent_path(), missing) &&
+            std::filesystem::exists(out, missing))
+            fail<UsageError>("--out: ", out.string(), " belongs to ", input.string(),
+                             ", which is read");
+    }
 }
 
 void declare_head(Command& command, std::filesystem::path& file, const std::string& purpose,

@@ -41,7 +41,8 @@ void declare_tuned(Command& command, ModelOptions& options);
 [[nodiscard]] CodeFile read_own_codes(const std::filesystem::path& file,
                                       const ModelOptions& options);
 
-/// Throws UsageError if to write `out` would replace one of these files, which the tool reads.
+/// Throws UsageError if to write `out` would replace one of these files, or a file in one of these
+/// folders, which the tool reads.
 void require_not_read(const std::filesystem::path& out,
                       const std::vector<std::filesystem::path>& inputs);
 

@@ -9,6 +9,7 @@
 #include "apps/export/commands.h"
 #include "core/io/file.h"
 #include "nn/models/code_file.h"
+#include "render/camera.h"
 
 namespace stymo {
 
@@ -18,7 +19,7 @@ struct ArkitOptions {
     std::filesystem::path codes, coefficients, out, morphable;
 };
 
-constexpr double millimetres = 100.0;  ///< in a world unit
+constexpr double millimetres = 1000.0 * double{metres};  ///< in a world unit
 
 std::span<const float> expression_of(const CodeFile& face) {
     return face.codes.expression().value().values<float>();

@@ -254,6 +254,7 @@ AppResult export_mesh(const MeshOptions& options) {
     if (options.out.extension() == ".obj" &&
         options.check.lexically_normal() == texture_of(options.out).lexically_normal())
         fail<UsageError>("--check ", options.check.string(), " is the file of the texture");
+    require_not_read(options.out, {options.morphable});
     if (!std::has_single_bit(static_cast<std::uint64_t>(options.texture_side)))
         fail<UsageError>("--texture ", options.texture_side, ": give a power of two");
     if (options.landmarks.empty())

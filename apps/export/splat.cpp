@@ -18,12 +18,11 @@
 #include "core/tensor_eigen.h"
 #include "fit/face_splats.h"
 #include "nn/models/code_file.h"
+#include "render/camera.h"
 
 namespace stymo {
 
 namespace {
-
-constexpr float metres_per_unit = 0.1F;
 
 /// A splat as the files have it.
 struct FileSplat {
@@ -41,9 +40,9 @@ Eigen::Quaternionf turned_to(const Eigen::Vector3f& normal) {
 }
 
 FileSplat row_of(const Splats& splats, Eigen::Index i) {
-    FileSplat row{.center = metres_per_unit * matrix_map<float>(splats.centers).row(i).transpose(),
+    FileSplat row{.center = metres * matrix_map<float>(splats.centers).row(i).transpose(),
                   .log_scale = Eigen::Vector3f::Constant(matrix_map<float>(splats.sizes)(i, 0) +
-                                                         std::log(metres_per_unit)),
+                                                         std::log(metres)),
                   .turn = turned_to(matrix_map<float>(splats.normals).row(i).transpose()),
                   .logit = matrix_map<float>(splats.logits)(i, 0),
                   .color = matrix_map<float>(splats.colors).row(i).transpose()};

@@ -57,10 +57,13 @@ void backward(const Node& y, nb::handle gradient) {
     if (y.leaves.empty())
         fail<GradientError>("backward: no tensor with requires_grad=True leads to this one");
     const Variable dL_dy = seed_of(gradient);
-    const nb::gil_scoped_release unlocked;
     std::vector<Variable> xs;
     for (const auto& leaf : y.leaves) xs.push_back(leaf->variable);
-    const std::vector<Variable> gradients = grad(y.value, xs, {.dL_dy = dL_dy});
+    const std::vector<Variable> gradients = [&] {
+        const nb::gil_scoped_release unlocked;
+        return grad(y.value, xs, {.dL_dy = dL_dy});
+    }();
+    // Leaves may be those of other threads, too.
     for (std::size_t i = 0; i < xs.size(); ++i) {
         Variable& sum = y.leaves[i]->gradient;
         sum = sum.defined() ? sum + gradients[i] : gradients[i];

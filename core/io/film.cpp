@@ -32,17 +32,24 @@ std::uint64_t big_endian(std::string_view bytes) {
 
 /// Whether an MP4 file consists of whole boxes, one of which is the index of the film. The encoder
 /// does not say when the disk refuses a part of the file.
-bool is_whole_mp4(std::string_view bytes) {
-    constexpr std::size_t header = 8;
+bool is_whole_mp4(const fs::path& path) {
+    constexpr std::uint64_t header = 8;
+    const OpenFile file(path);
+    const auto bytes = [&](std::uint64_t at, std::uint64_t count) {
+        return file.read(static_cast<std::int64_t>(at), static_cast<std::int64_t>(count));
+    };
+    std::uint64_t position = 0, left = fs::file_size(path);
     bool has_index = false;
-    while (bytes.size() >= header) {
-        std::uint64_t size = big_endian(bytes.substr(0, 4));
-        if (size == 1 && bytes.size() >= 2 * header) size = big_endian(bytes.substr(header, 8));
-        if (size < header || size > bytes.size()) return false;
-        has_index = has_index || bytes.substr(4, 4) == "moov";
-        bytes.remove_prefix(size);
+    while (left >= header) {
+        const std::string box = bytes(position, header);
+        std::uint64_t size = big_endian(box.substr(0, 4));
+        if (size == 1 && left >= 2 * header) size = big_endian(bytes(position + header, header));
+        if (size < header || size > left) return false;
+        has_index = has_index || box.substr(4, 4) == "moov";
+        position += size;
+        left -= size;
     }
-    return has_index && bytes.empty();
+    return has_index && left == 0;
 }
 
 /// FFmpeg writes to stderr what it finds wrong with a file; the tools say it in one line.
@@ -141,6 +148,9 @@ FilmWriter::FilmWriter(const fs::path& path, const fs::path& file, std::int64_t 
 FilmWriter::~FilmWriter() = default;
 
 void FilmWriter::add(const Tensor& frame) {
+    if (!(frame.shape() == Shape{state_->height, state_->width, 3}))
+        fail<ShapeError>("[film] a frame of ", frame.shape(), " in a film of ", state_->height,
+                         " x ", state_->width, " pixels");
     std::vector<std::uint8_t> bytes = image_bytes(frame);
     cv::Mat image;
     cv::cvtColor(cv::Mat(state_->height, state_->width, CV_8UC3, bytes.data()), image,
@@ -152,7 +162,7 @@ void FilmWriter::add(const Tensor& frame) {
 
 void FilmWriter::finish() {
     state_->writer.release();
-    if (!is_whole_mp4(read_file(state_->file)))
+    if (!is_whole_mp4(state_->file))
         fail<FileError>(state_->path.string(),
                         ": cannot be written (the film is not whole; is the disk full?)");
 }

@@ -42,7 +42,7 @@ public:
     FilmWriter(const FilmWriter&) = delete;
     FilmWriter& operator=(const FilmWriter&) = delete;
 
-    /// A frame (height, width, 3) in [0, 1].
+    /// A frame (height, width, 3) in [0, 1]. Throws ShapeError for another size.
     void add(const Tensor& frame);
     /// Ends the file. Throws FileError if it is not whole.
     void finish();

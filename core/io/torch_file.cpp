@@ -121,6 +121,7 @@ std::string gathered(std::string_view elements, std::uint64_t element_bytes,
         result.append(
             elements.substr(static_cast<std::uint64_t>(position) * element_bytes, element_bytes));
         for (std::size_t axis = extents.size(); axis-- > 0;) {
+            if (extents[axis] == 1) continue;  // its stride may be anything
             position += strides[axis];
             if (++index[axis] < extents[axis]) break;
             position -= extents[axis] * strides[axis];

@@ -93,7 +93,6 @@ private:
         return layer == 0 || layer == skip_layer_;
     }
     [[nodiscard]] FoldedLayer reordered(const FoldedLayer& layer, std::size_t index) const;
-    [[nodiscard]] std::int64_t joined_offset(std::size_t layer) const;
     [[nodiscard]] Rows<T> output(std::size_t layer, FieldTile<T>& tile) const;
     [[nodiscard]] Rows<const T> last_output(const FieldTile<T>& tile) const;
     void take_logits(std::int64_t points, FieldTile<T>& tile) const;

@@ -78,6 +78,8 @@ void CodeStatistics::save(TensorFile& file) const {
 }
 
 Codes CodeStatistics::sample(Rng& rng, double truncation) const {
+    if (!std::isfinite(truncation) || truncation < 0.0)
+        fail<ValueError>("the truncation of a new face must be 0 or more, not ", truncation);
     const Variable normal = rng.normal({1, code_size}, 0.0, truncation);
     return split_codes(mean_ + matmul(normal, factor_, {.transpose_b = true}));
 }

@@ -25,8 +25,8 @@ struct FaceSurface {
                                                     const FaceSurface& surface);
 
 /// The vertices, moved along the camera's line of sight so that the median of `depth_differences`
-/// becomes 0: a head that was fitted to landmarks stands where the depth map has its face. Vertices
-/// that the camera does not see as a face stay where they are.
+/// becomes 0: a head that was fitted to landmarks stands where the depth map has its face. They
+/// stay where they are if the camera sees nothing of the face.
 [[nodiscard]] Tensor moved_to_depth(const MorphableHead& head, const Tensor& vertices,
                                     const Camera& camera, const Tensor& depths);
 

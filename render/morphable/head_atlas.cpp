@@ -56,6 +56,8 @@ std::vector<Chart> charts_of(const MorphableHead& head) {
         chart.size = std::sqrt(chart.size) * (part == HeadPart::eyes    ? 2.0
                                               : part == HeadPart::mouth ? 0.4
                                                                         : 1.0);
+        constexpr double least_size = 1e-9;  // of triangles without area
+        chart.size = std::max(chart.size, least_size);
         sorted.push_back(std::move(chart));
     }
     std::ranges::stable_sort(sorted, std::ranges::greater(), &Chart::size);

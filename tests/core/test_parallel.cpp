@@ -148,9 +148,12 @@ TEST_CASE("An exception in a loop of a task arrives at the caller", "[parallel]"
     }
 }
 
-TEST_CASE("A negative number of threads is refused, zero is one for each processor", "[parallel]") {
+TEST_CASE(
+    "A negative number of threads or far too many are refused, zero is one for each processor",
+    "[parallel]") {
     const ThreadCount restored;
-    CHECK_THROWS_AS(set_thread_count(-1), ValueError);
+    for (const int count : {-1, most_threads + 1})
+        CHECK_THROWS_AS(set_thread_count(count), ValueError);
     set_thread_count(0);
     CHECK(thread_count() >= 1);
 }

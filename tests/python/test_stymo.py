@@ -152,12 +152,27 @@ class Misuse(unittest.TestCase):
             (ValueError, "only a face that was fitted", lambda: model.tune(face, 1)),
             (ValueError, "the face is not tuned", lambda: face.write("a.json", "t.safetensors")),
             (ValueError, "-1 threads; give 0", lambda: stymo.set_threads(-1)),
+            (ValueError, "1000000 threads; give 0", lambda: stymo.set_threads(10**6)),
+            (ValueError, "the truncation of a new face must be 0 or more",
+             lambda: model.sample(truncation=np.nan)),
+            (ValueError, "is too large",
+             lambda: stymo.Tensor(np.zeros(0, np.float32)).reshape([2**32, 2**32])),
         ]:
             with self.subTest(message):
                 self.fails(kind, message, call)
 
 
 class Engine(unittest.TestCase):
+    def test_threads_may_go_backward_through_the_same_leaf(self):
+        leaf = stymo.Tensor(np.ones(10_000, np.float32), requires_grad=True)
+        losses = [(leaf * float(factor)).sum() for factor in range(1, 33)]
+        threads = [threading.Thread(target=loss.backward) for loss in losses]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        np.testing.assert_array_equal(leaf.grad, np.full(10_000, 528.0))
+
     def test_tensors_share_memory_in_both_directions(self):
         array = np.arange(6, dtype=np.float64).reshape(2, 3)
         tensor = stymo.Tensor(array)

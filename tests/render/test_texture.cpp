@@ -3,6 +3,7 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
+#include "core/error.h"
 #include "core/metrics.h"
 #include "render/morphable/builtin_head.h"
 #include "render/morphable/head_atlas.h"
@@ -62,6 +63,8 @@ TEST_CASE("A plane gets the picture that shows it straight", "[texture]") {
             CHECK(green == Approx(v).margin(1e-3));
             CHECK(blue == Approx(0.25).margin(1e-5));
         }
+    CHECK_THROWS_AS(stymo::baked_texture(square(0.0F), views, Tensor::zeros({4, 4}), 48),
+                    stymo::ValueError);
 }
 
 TEST_CASE("Pictures count with the fourth power of the cosine, and by their masks", "[texture]") {

@@ -54,6 +54,10 @@ TEST_CASE("A film has the frames that were written, one after the other") {
     }
     CHECK_FALSE(reader.next());
     CHECK(FilmReader(folder / "a.mp4", 25).next()->shape() == Shape{18, 25, 3});
+
+    FilmWriter writer(folder / "b.mp4", folder / "b.mp4", 36, 50, 20.0);
+    for (const Shape& other : {Shape{18, 25, 3}, Shape{50, 36, 3}, Shape{36, 50, 1}})
+        CHECK_THROWS_AS(writer.add(Tensor::zeros(other)), ShapeError);
 }
 
 TEST_CASE("Films that are cut off and files that are no films are refused") {
