@@ -262,8 +262,9 @@ FaceCrop PhotoPreparation::Implementation::crop_at(const Alignment& alignment, b
         surrounded = [&] {
             const std::int64_t wide = mask_side + 2 * head_mask_margin(mask_side);
             const double scale = static_cast<double>(wide) / static_cast<double>(mask_side);
+            constexpr std::int64_t samples_of_a_pixel = 2;  // enough to find a mask
             return aligned_crop(photo, {alignment.center, scale * alignment.axis}, wide,
-                                sides.samples_of_a_pixel);
+                                samples_of_a_pixel);
         };
     const Tensor known = of_photo.mask.defined() ? cut(of_photo.mask, mask_side) : Tensor();
     crop.made_mask = sides.has_mask && (settings.new_masks || !known.defined());
