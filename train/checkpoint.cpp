@@ -17,6 +17,7 @@
 #include "core/error.h"
 #include "core/io/checksum.h"
 #include "core/io/file.h"
+#include "train/state_number.h"
 
 namespace stymo {
 
@@ -98,17 +99,6 @@ std::string exact_text(T value) {
     char text[64];
     const auto end = std::to_chars(std::begin(text), std::end(text), value);
     return {text, end.ptr};
-}
-
-template <class T>
-void read_exact(const TensorFile& file, const std::string& source, const char* key, T& value) {
-    const auto found = file.metadata.find(key);
-    if (found == file.metadata.end())
-        fail<FileError>(source, ": not a training state (\"", key, "\" is missing)");
-    const std::string& text = found->second;
-    const auto end = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (end.ec != std::errc{} || end.ptr != text.data() + text.size())
-        fail<FileError>(source, ": \"", key, "\" is \"", text, "\", not a number");
 }
 
 /// Calls visit(key, field) for every number of the state.
@@ -265,14 +255,13 @@ Checkpoint read_checkpoint(const fs::path& folder, Model& model, std::uint64_t s
     const std::string source = (folder / state_name).string();
     Checkpoint checkpoint{{}, std::move(files.state)};
     TensorFile& file = checkpoint.tensors;
-    for_each_number(checkpoint.state,
-                    [&](const char* key, auto& value) { read_exact(file, source, key, value); });
+    for_each_number(checkpoint.state, [&]<class T>(const char* key, T& value) {
+        value = state_number<T>(file, source, key);
+    });
     if (checkpoint.state.seed != seed)
         fail<FileError>(folder.string(), ": was trained with --seed ", checkpoint.state.seed,
                         ", not ", seed, "; give the same seed");
-    int mask_loss = 0;
-    read_exact(file, source, "mask_loss", mask_loss);
-    checkpoint.state.mask_loss = mask_loss != 0;
+    checkpoint.state.mask_loss = state_number<int>(file, source, "mask_loss") != 0;
     const auto losses = file.tensors.find(epoch_losses_name);
     if (losses == file.tensors.end())
         fail<FileError>(source, ": not a training state (\"", epoch_losses_name, "\" is missing)");

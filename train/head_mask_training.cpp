@@ -1,7 +1,6 @@
 #include "train/head_mask_training.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <iomanip>
 #include <numbers>
@@ -16,6 +15,7 @@
 #include "core/progress.h"
 #include "nn/optim/adam.h"
 #include "nn/optim/ema.h"
+#include "train/state_number.h"
 
 namespace stymo {
 namespace {
@@ -24,20 +24,6 @@ namespace fs = std::filesystem;
 
 constexpr const char* step_key = "step";
 constexpr const char* seed_key = "seed";
-
-/// A whole number in the metadata of a state.
-template <class T>
-T number(const TensorFile& state, const std::string& source, const char* key) {
-    const auto found = state.metadata.find(key);
-    if (found == state.metadata.end())
-        fail<FileError>(source, ": not the state of a training of head masks");
-    const std::string& text = found->second;
-    T value{};
-    const auto end = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (end.ec != std::errc{} || end.ptr != text.data() + text.size())
-        fail<FileError>(source, ": \"", key, "\" is \"", text, "\", not a number");
-    return value;
-}
 
 /// A run's weights, optimiser and averages.
 class MaskTraining {
@@ -86,11 +72,11 @@ public:
         if (!fs::exists(path))
             fail<FileError>(path.string(), ": no state to resume from; start without --resume");
         const TensorFile state = read_tensor_file(path);
-        const auto seed = number<std::uint64_t>(state, path.string(), seed_key);
+        const auto seed = state_number<std::uint64_t>(state, path.string(), seed_key);
         if (seed != seed_)
             fail<FileError>(path.string(), ": was trained with --seed ", seed, ", not ", seed_,
                             "; give the same seed");
-        const auto step = number<std::int64_t>(state, path.string(), step_key);
+        const auto step = state_number<std::int64_t>(state, path.string(), step_key);
         model_.store->load(state, path.string());
         adam_.load(state, path.string(), "adam.");
         average_.load(state, path.string(), "average.");

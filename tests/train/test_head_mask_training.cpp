@@ -99,7 +99,7 @@ TEST_CASE("A training of head masks that pauses gives the same network") {
     CHECK_THROWS_WITH(resumed(7), Contains("\"step\" is \"two\", not a number"));
     damaged.metadata.erase("step");
     write_tensor_file(state, damaged);
-    CHECK_THROWS_WITH(resumed(7), Contains("not the state of a training of head masks"));
+    CHECK_THROWS_WITH(resumed(7), Contains("not a training state (\"step\" is missing)"));
 }
 
 TEST_CASE("A folder without masks, and an unknown key, are refused") {

@@ -51,7 +51,7 @@ TEST_CASE("a write that fails leaves the old file and no temporary one") {
     CHECK(folder.file_count() == 1);
 }
 
-TEST_CASE("threads that write the same file do not disturb each other") {
+TEST_CASE("a write of a file during another one leaves both whole, and the last one stays") {
     const ScratchFolder folder;
     write_whole(folder / "a.txt", [&](const std::filesystem::path& temporary) {
         std::ofstream(temporary) << "outer";
