@@ -15,26 +15,31 @@ double face_count(const FitComparison& seen) {
 
 /// The mean over the batch times its size, so that a face's gradient does not depend on the size of
 /// the batch.
-Variable reconstruction_term(const FitComparison& seen, TermValues& parts) {
+template <auto part>
+Variable reconstruction_term(const FitComparison& seen) {
     if (seen.photos == nullptr) return {};
-    const ReconstructionLoss::Terms terms =
-        (*seen.reconstruction)(seen.decoded.images, *seen.photos);
-    parts.emplace_back("photometric", terms.photometric.value().item());
-    if (terms.perceptual.defined())
-        parts.emplace_back("perceptual", terms.perceptual.value().item());
-    return terms.total * face_count(seen);
+    return (seen.reconstruction->*part)(seen.decoded.images, *seen.photos) * face_count(seen);
 }
 
-Variable regularizer_term(const FitComparison& seen, TermValues&) {
+double photometric_weight(const FitWeights&, const FitComparison& seen) {
+    return seen.photos == nullptr ? 0.0 : seen.reconstruction->photometric_weight();
+}
+
+double perceptual_weight(const FitWeights& weights, const FitComparison& seen) {
+    if (seen.photos == nullptr) return 0.0;
+    return weights.perceptual * seen.reconstruction->perceptual_weight();
+}
+
+Variable regularizer_term(const FitComparison& seen) {
     return seen.offsets == nullptr ? Variable() : squared_length(*seen.offsets);
 }
 
-Variable locality_term(const FitComparison& seen, TermValues&) {
+Variable locality_term(const FitComparison& seen) {
     if (seen.kept_images.empty()) return {};
     return photometric_loss(seen.decoded.images, seen.kept_images, seen.kept_weights);
 }
 
-Variable depth_term(const FitComparison& seen, TermValues&) {
+Variable depth_term(const FitComparison& seen) {
     Variable total;
     for (std::size_t i = 0; i < seen.surfaces.size(); ++i) {
         if (!seen.surfaces[i]) continue;
@@ -46,18 +51,18 @@ Variable depth_term(const FitComparison& seen, TermValues&) {
     return total;
 }
 
-Variable mask_term(const FitComparison& seen, TermValues&) {
+Variable mask_term(const FitComparison& seen) {
     return seen.mask.defined() ? mask_loss(seen.decoded.mask_logit, seen.mask, seen.known)
                                : Variable();
 }
 
 template <Variable FitComparison::*embeddings>
-Variable identity_term(const FitComparison& seen, TermValues&) {
+Variable identity_term(const FitComparison& seen) {
     if (!(seen.*embeddings).defined()) return {};
     return -sum(seen.*embeddings * seen.photo_embeddings) + face_count(seen);
 }
 
-Variable time_term(const FitComparison& seen, TermValues&) {
+Variable time_term(const FitComparison& seen) {
     Variable all = seen.expressions;
     if (!all.defined()) return {};
     if (seen.expression_before.defined()) all = concat({Variable(seen.expression_before), all}, 0);
@@ -66,23 +71,19 @@ Variable time_term(const FitComparison& seen, TermValues&) {
 }
 
 template <double FitWeights::*member>
-double weight_of(const FitWeights& weights) {
+double weight_of(const FitWeights& weights, const FitComparison&) {
     return weights.*member;
 }
 
 /// Adds the weighted term and its values, if it is computed.
 void add_term(const FitTerm& term, const FitComparison& seen, const FitWeights& weights,
               FitLoss& loss) {
-    const double weight = term.weight(weights);
+    const double weight = term.weight(weights, seen);
     if (weight == 0.0) return;
-    const std::size_t before = loss.terms.size();
-    const Variable value = term.value(seen, loss.terms);
+    const Variable value = term.value(seen);
     if (!value.defined()) return;
-    // The reconstruction loss counts its own parts.
-    if (loss.terms.size() == before) {
-        loss.terms.emplace_back(term.name, value.value().item() / face_count(seen));
-        work::count_named("loss_terms", term.name, 1);
-    }
+    loss.terms.emplace_back(term.name, value.value().item() / face_count(seen));
+    work::count_named("loss_terms", term.name, 1);
     const Variable weighted = weight == 1.0 ? value : value * weight;
     loss.total = loss.total.defined() ? loss.total + weighted : weighted;
 }
@@ -91,11 +92,12 @@ void add_term(const FitTerm& term, const FitComparison& seen, const FitWeights& 
 
 std::span<const FitTerm> fit_terms() {
     static const std::vector<FitTerm> terms{
-        // It applies the weights of its parts itself.
-        {.name = "reconstruction",
-         .weight = [](const FitWeights&) { return 1.0; },
-         .value = reconstruction_term,
-         .parts = {"photometric", "perceptual"}},
+        {.name = "photometric",
+         .weight = photometric_weight,
+         .value = reconstruction_term<&ReconstructionLoss::photometric>},
+        {.name = "perceptual",
+         .weight = perceptual_weight,
+         .value = reconstruction_term<&ReconstructionLoss::perceptual>},
         {.name = "regularizer",
          .weight = weight_of<&FitWeights::regularizer>,
          .value = regularizer_term},
@@ -106,8 +108,8 @@ std::span<const FitTerm> fit_terms() {
          .weight = weight_of<&FitWeights::identity>,
          .value = identity_term<&FitComparison::embeddings>},
         {.name = "side_identity",
-         .weight =
-             [](const FitWeights& weights) { return FitWeights::side_share * weights.identity; },
+         .weight = [](const FitWeights& weights,
+                      const FitComparison&) { return FitWeights::side_share * weights.identity; },
          .value = identity_term<&FitComparison::side_embeddings>},
         {.name = "time", .weight = weight_of<&FitWeights::time>, .value = time_term},
     };

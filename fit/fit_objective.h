@@ -18,6 +18,8 @@ struct FitWeights {
     /// Of the sum of squared code offsets; if negative, the model's
     /// ReconstructionConfig::fit_regularizer.
     double regularizer = -1.0;
+    /// A factor on ReconstructionConfig::perceptual_weight.
+    double perceptual = 1.0;
     /// Of the mean difference between images of the tuned decoder and those that it must keep.
     double locality = 0.0;
     double depth = 0.0;  ///< of the mean difference of depths, per distance of the eyes
@@ -62,11 +64,9 @@ using TermValues = std::vector<std::pair<std::string, double>>;
 /// FitProblem or Tuning, and declare the option of its weight (apps/common/tool_options.h).
 struct FitTerm {
     std::string_view name;  ///< in --explain and report.json
-    double (*weight)(const FitWeights& weights);
-    /// The sum over the faces without its weight; undefined if there is nothing to compare. Adds
-    /// the values of its `parts`, as means over the faces.
-    Variable (*value)(const FitComparison& seen, TermValues& parts);
-    std::vector<std::string_view> parts{};  ///< what it reports in place of itself
+    double (*weight)(const FitWeights& weights, const FitComparison& seen);
+    /// The sum over the faces without its weight; undefined if there is nothing to compare.
+    Variable (*value)(const FitComparison& seen);
 };
 
 /// All terms, in the order in which they are summed.

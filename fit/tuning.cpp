@@ -33,12 +33,12 @@ constexpr double rising = 0.05;
 constexpr double momentum = 0.7;
 /// Factors on the learning rate. The field gets less, because a single photo does not determine its
 /// shape; so do parameters that Adam moves, because equally large changes of them blur the image.
-constexpr double field_factor = 0.25, adam_factor = 0.1;
+constexpr double field_factor = 0.1, adam_factor = 0.1;
 constexpr std::string_view field_prefix = "decoder.field.";
 /// An anchor is compared in one of so many steps.
-constexpr std::int64_t anchor_interval = 2;
-/// Of so many successive comparisons with a photo, the first evaluates all samples; the others
-/// evaluate only those that were significant in it.
+constexpr std::int64_t anchor_interval = 3;
+/// Of so many successive comparisons with a photo or an anchor, the first evaluates all samples;
+/// the others evaluate only those that were significant in it.
 constexpr std::int64_t selection_interval = 8;
 constexpr double largest_yaw = 40.0, largest_pitch = 15.0;
 
@@ -50,6 +50,8 @@ struct Anchor {
     Camera camera;
     std::vector<Tensor> images;            ///< target, in ascending order of sides
     std::optional<FaceSurface> surface{};  ///< what the depth is drawn to
+    std::int64_t comparisons = 0;
+    Tensor significant{};  ///< as for a photo
 };
 
 double uniform(Rng& rng, double low, double high) {
@@ -157,9 +159,14 @@ private:
     [[nodiscard]] FitLoss anchor_loss(std::int64_t number) {
         const std::int64_t index = number % options_.anchors;
         if (index == std::ssize(anchors_)) anchors_.push_back(make_anchor(index));
-        const Anchor& anchor = anchors_[static_cast<std::size_t>(index)];
-        const Decoded decoded = tuned_.decoder()(anchor.codes, {anchor.camera},
-                                                 decoding(anchor.images.back().shape(1)));
+        Anchor& anchor = anchors_[static_cast<std::size_t>(index)];
+        DecodeOptions decode = decoding(anchor.images.back().shape(1));
+        const bool all = anchor.comparisons++ % selection_interval == 0;
+        if (!all) decode.significant_samples = anchor.significant;
+        const Decoded decoded = tuned_.decoder()(anchor.codes, {anchor.camera}, decode);
+        if (all)
+            anchor.significant =
+                significant_samples(decoded.weights.weights.value(), options_.tolerance);
         std::vector<double> weights = original_.config().reconstruction.resolution_weights;
         weigh_largest(weights, anchor.images.size(), original_.decoder());
         FitComparison seen{
@@ -292,18 +299,28 @@ double part_done(const TuningOptions& options, std::int64_t step, double seconds
 
 }  // namespace
 
+double TuningOptions::usual_learning_rate() const {
+    constexpr double enough_seconds = 20.0, enough_steps = 100.0, largest = 0.09;
+    double length = 1.0;
+    if (seconds > 0.0) length = std::min(length, seconds / enough_seconds);
+    if (steps > 0) length = std::min(length, static_cast<double>(steps) / enough_steps);
+    return largest * std::sqrt(length);
+}
+
 TuningResult tune_decoder(const Model& original, Model& tuned, const ReconstructionLoss& loss,
                           const FaceBatch& faces, const Codes& codes,
                           const std::vector<Camera>& cameras, const TuningOptions& options) {
     if (options.steps <= 0 && options.seconds <= 0.0)
         fail<ValueError>("tuning needs a limit, seconds or steps");
+    const double highest_rate =
+        options.learning_rate > 0.0 ? options.learning_rate : options.usual_learning_rate();
     const double start = seconds_now();
     Tuning tuning(original, tuned, loss, faces, codes, cameras, options);
     TuningResult result;
     for (std::int64_t step = 0; !interrupted(); ++step) {
         const double part = part_done(options, step, seconds_now() - start);
         if (part >= 1.0 && step > 0) break;
-        const double rate = options.learning_rate * std::min(1.0, (part + 1e-3) / rising) * 0.5 *
+        const double rate = highest_rate * std::min(1.0, (part + 1e-3) / rising) * 0.5 *
                             (1.0 + std::cos(std::numbers::pi * part));
         Tuning::Step done = tuning.step(step, rate);
         result.losses.push_back(done.loss);

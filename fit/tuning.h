@@ -25,26 +25,34 @@ struct TuningOptions {
     double seconds = 0.0;
     std::int64_t steps = 0;
     /// The largest learning rate, that of the matrices of render blocks and mask branch. Those of
-    /// the field get a quarter of it, and all other parameters a tenth of what matrices beside them
+    /// the field get a tenth of it, and all other parameters a tenth of what matrices beside them
     /// get. It rises over the first twentieth of the time and then falls to 0 along a cosine.
-    double learning_rate = 3e-2;
-    /// Every second step compares an image of the tuned decoder with a
+    /// 0: usual_learning_rate().
+    double learning_rate = 0.0;
+    /// 0.09; below 20 seconds or 100 steps less, by the root of the time, because few large steps
+    /// leave noise in the image.
+    [[nodiscard]] double usual_learning_rate() const;
+    /// Every third step compares an image of the tuned decoder with a
     /// target at one of `anchors` anchors, in turn. One anchor of three is a neighbouring code,
     /// half a standard deviation away, from a random camera; its target is the original decoder's
     /// image. The others are the face itself from other sides; their target has the photo's colours
     /// where the photo shows the same points (render/turned_photo.h), elsewhere those of the
     /// original decoder. A locality weight of 0: there are no anchors.
     /// The weight of identity is that of the face at the anchors that show it from other sides.
-    FitWeights weights{
-        .regularizer = 0.0, .locality = 2.0, .depth = 1.0, .mask = 0.05, .identity = 0.1};
+    FitWeights weights{.regularizer = 0.0,
+                       .perceptual = 48.0,
+                       .locality = 6.0,
+                       .depth = 3.0,
+                       .mask = 0.15,
+                       .identity = 0.6};
     /// The linear head to which the faces' codes belong; null: the tuned shape follows from colours
     /// alone. Where a face has a code, the depth of the tuned face is drawn to this head's: in
     /// every step in the photo, and at the anchors that show the face from other sides. Their
     /// targets are turned by it.
     const MorphableHead* head = nullptr;
-    std::int64_t anchors = 32;  ///< each is made when it is first needed; 0: none
+    std::int64_t anchors = 24;  ///< each is made when it is first needed; 0: none
     /// Samples of a smaller compositing weight get no gradient. Seven of eight comparisons with a
-    /// photo leave them out of the image, too. 0: no sample is left out.
+    /// photo or an anchor leave them out of the image, too. 0: no sample is left out.
     double tolerance = 0.001;
     std::int64_t samples_per_ray = 0;  ///< 0: ReconstructionConfig::fit_samples_per_ray
     std::uint64_t seed = 0;            ///< seed of the anchors

@@ -76,8 +76,12 @@ void declare_tuning(Command& command, TuningOptions& tuning) {
     command
         .option("--tune-learning-rate", tuning.learning_rate,
                 "highest learning rate of tuning, that of the render blocks; the field's is a "
-                "quarter of it")
+                "tenth of it. 0: by the length of the tuning, 0.09 from 20 seconds on")
         .range(0, 1);
+    command
+        .option("--tune-perceptual", tuning.weights.perceptual,
+                "factor on --perceptual-weight while tuning")
+        .range(0, 1e6);
     command.option("--tune-depth", tuning.weights.depth, "--depth-weight while tuning")
         .range(0, 1e6);
     command

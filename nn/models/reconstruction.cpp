@@ -67,7 +67,7 @@ ReconstructionLoss::ReconstructionLoss(const ReconstructionConfig& config,
     }
 }
 
-const PerceptualDistance* ReconstructionLoss::perceptual() const {
+const PerceptualDistance* ReconstructionLoss::network() const {
     if (encoder_distance_) return &*encoder_distance_;
     return lpips();
 }
@@ -120,38 +120,54 @@ Variable perceptual_loss(const PerceptualDistance& perceptual, const Variable& i
 ReconstructionLoss::Target ReconstructionLoss::kept_target(std::span<const Tensor> images,
                                                            const Tensor& known) const {
     Target kept = target(images, 0, known);
-    if (perceptual() == nullptr || kept.images.empty() || known.defined()) return kept;
+    if (network() == nullptr || kept.images.empty() || known.defined()) return kept;
     for (std::int64_t i = 0; i < kept.images.back().shape(0); ++i)
-        kept.features.push_back(perceptual()->features(
+        kept.features.push_back(network()->features(
             compared_image(kept.images.back(), i, config_.perceptual_resolution)));
     return kept;
 }
 
 LayerMemory ReconstructionLoss::memory(std::int64_t side) const {
     const std::int64_t limit = config_.perceptual_resolution;
-    if (perceptual() == nullptr) return {};
-    return perceptual()->memory(limit > 0 ? std::min(limit, side) : side);
+    if (network() == nullptr) return {};
+    return network()->memory(limit > 0 ? std::min(limit, side) : side);
+}
+
+double ReconstructionLoss::perceptual_weight() const {
+    return network() == nullptr ? 0.0 : config_.perceptual_weight;
+}
+
+Variable ReconstructionLoss::photometric(const std::vector<Variable>& images,
+                                         const Target& target) const {
+    std::vector<Tensor> photos = target.images;
+    for (std::size_t i = 0; i < std::min(images.size(), target.known.size()); ++i)
+        photos[i] = where_known(target.known[i], photos[i], images[i].detach()).value();
+    return photometric_loss(images, photos, target.weights);
+}
+
+Variable ReconstructionLoss::perceptual(const std::vector<Variable>& images,
+                                        const Target& target) const {
+    Tensor photo = target.images.at(images.size() - 1);
+    Variable seen = images.back();
+    if (!target.known.empty()) {
+        // Known pixels beside unknown ones must not move those.
+        const Tensor& known = target.known.at(images.size() - 1);
+        photo = where_known(known, photo, images.back().detach()).value();
+        seen = where_known(known, seen, images.back().detach());
+    }
+    return perceptual_loss(*network(), seen, photo, target, config_.perceptual_resolution);
 }
 
 ReconstructionLoss::Terms ReconstructionLoss::operator()(const std::vector<Variable>& images,
                                                          const Target& target) const {
     Terms terms;
-    std::vector<Tensor> photos = target.images;
-    for (std::size_t i = 0; i < std::min(images.size(), target.known.size()); ++i)
-        photos[i] = where_known(target.known[i], photos[i], images[i].detach()).value();
-    terms.photometric = photometric_loss(images, photos, target.weights);
+    terms.photometric = photometric(images, target);
     work::count_named("loss_terms", "photometric", 1);
-    terms.total = terms.photometric * config_.photometric_weight;
-    if (perceptual() != nullptr) {
-        // Known pixels beside unknown ones must not move those.
-        const Variable seen = target.known.empty()
-                                  ? images.back()
-                                  : where_known(target.known.at(images.size() - 1), images.back(),
-                                                images.back().detach());
-        terms.perceptual = perceptual_loss(*perceptual(), seen, photos.back(), target,
-                                           config_.perceptual_resolution);
+    terms.total = terms.photometric * photometric_weight();
+    if (perceptual_weight() > 0.0) {
+        terms.perceptual = perceptual(images, target);
         work::count_named("loss_terms", "perceptual", 1);
-        terms.total = terms.total + terms.perceptual * config_.perceptual_weight;
+        terms.total = terms.total + terms.perceptual * perceptual_weight();
     }
     return terms;
 }

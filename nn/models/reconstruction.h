@@ -75,6 +75,13 @@ public:
     };
     /// `images` as in Decoded::images, one for each image of the target.
     [[nodiscard]] Terms operator()(const std::vector<Variable>& images, const Target& target) const;
+    /// One of the terms alone, without its weight; a term whose weight is 0 must not be asked for.
+    [[nodiscard]] Variable photometric(const std::vector<Variable>& images,
+                                       const Target& target) const;
+    [[nodiscard]] Variable perceptual(const std::vector<Variable>& images,
+                                      const Target& target) const;
+    [[nodiscard]] double photometric_weight() const { return config_.photometric_weight; }
+    [[nodiscard]] double perceptual_weight() const;
 
     /// Memory of the perceptual term for images up to this side. Decoder::memory includes the
     /// photometric term.
@@ -86,7 +93,7 @@ public:
 
 private:
     /// Null if there is no perceptual term.
-    [[nodiscard]] const PerceptualDistance* perceptual() const;
+    [[nodiscard]] const PerceptualDistance* network() const;
 
     ReconstructionConfig config_;
     std::optional<Lpips> lpips_;

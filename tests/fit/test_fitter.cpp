@@ -322,6 +322,16 @@ TEST_CASE("fitting lowers the perceptual term if it has a weight", "[fitter]") {
                                         .decay = 0.97,
                                         .weights = {.regularizer = 0.0, .depth = 0.25}});
     CHECK(result.losses.back() < 0.5 * result.losses.front());
+
+    const Decoded decoded =
+        model.decoder()(random_codes(1, 8), target.cameras, {.samples_per_ray = samples});
+    const ReconstructionLoss::Target kept = loss.kept_target(target.targets);
+    const FitComparison seen{.decoded = decoded, .reconstruction = &loss, .photos = &kept};
+    const double factor = 3.0;
+    const FitLoss once = fit_loss(seen, {.regularizer = 0.0});
+    const FitLoss more = fit_loss(seen, {.regularizer = 0.0, .perceptual = factor});
+    CHECK(more.total.value().item() == Approx(factor * once.total.value().item()));
+    CHECK(more.terms == once.terms);
 }
 
 TEST_CASE(

@@ -173,7 +173,7 @@ TEST_CASE("Tuning brings the depth of a face to that of its head", "[head_depth]
     const auto error = [&](double weight) {
         return depth_error(face, face.camera,
                            {.steps = 120,
-                            .learning_rate = 0.08,
+                            .learning_rate = 0.2,
                             .weights = {.depth = weight, .mask = 0.05},
                             .head = &head(),
                             .samples_per_ray = 16});
@@ -189,7 +189,7 @@ TEST_CASE("Anchors that show the face from other sides have the depth of its hea
     const auto error = [&](double locality) {
         return depth_error(face, side_camera,
                            {.steps = 240,
-                            .learning_rate = 0.08,
+                            .learning_rate = 0.2,
                             .weights = {.locality = locality, .depth = 3.0, .mask = 0.05},
                             .head = &head(),
                             .samples_per_ray = 16});

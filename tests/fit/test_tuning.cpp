@@ -70,6 +70,17 @@ TEST_CASE("tuning brings the decoder's image to the photo", "[tuning]") {
     for (const Parameter& parameter : tuned.parameters().all()) CHECK_FALSE(parameter.trainable());
 }
 
+TEST_CASE("Short tunings have a smaller usual learning rate", "[tuning]") {
+    const auto rate = [](double seconds, std::int64_t steps) {
+        return TuningOptions{.seconds = seconds, .steps = steps}.usual_learning_rate();
+    };
+    CHECK(rate(20.0, 0) == Approx(0.09));
+    CHECK(rate(60.0, 0) == Approx(0.09));
+    CHECK(rate(5.0, 0) == Approx(0.045));
+    CHECK(rate(0.0, 25) == Approx(0.045));
+    CHECK(rate(5.0, 4) == Approx(0.018));
+}
+
 TEST_CASE("the locality term keeps other faces as they were", "[tuning]") {
     const Case given;
     const Codes other = random_codes(1, 11);

@@ -18,7 +18,8 @@ proposes() { # expected, words of the line; the last one is being completed
 
 proposes "adam lbfgs" stymo-fit --optimizer ""
 proposes "lbfgs" stymo-fit --image a.jpg --optimizer l
-proposes "--tune --tune-steps --tune-learning-rate --tune-depth --tune-identity" stymo-fit --tune
+proposes "--tune --tune-steps --tune-learning-rate --tune-perceptual --tune-depth --tune-identity" \
+    stymo-fit --tune
 proposes "" stymo-fit --image ""
 proposes "mix color disentangle" stymo-edit ""
 proposes "--take" stymo-edit mix --tak
