@@ -2,16 +2,16 @@
 """Makes the labels from which the head-mask network is trained.
 
 usage: head_mask_labels.py PREPARED OUT [--wall PREFIX]... [--drop FILE] [--short-hair FILE]
-                           [--mended FILE] [--network-masks FOLDER]
+                           [--mended FILE] [--views FOLDER]
 
 PREPARED is a folder of stymo-prep at 256 pixels: images, masks, landmarks in faces.jsonl. OUT gets
 images, masks, unknown, persons and backgrounds, as train/head_mask_examples.h reads them.
 Ids that begin with a --wall prefix stand before a plain wall: the outline and the person come from
 the distance to the wall's colour. Photos in --drop (one id a line) only give their background.
 Those in --short-hair have no hair below the jaw, only a suit of its colour. --mended has
-outlines of heads by hand, {"ID": [[x, y], ...]} in pixels. With --network-masks, the
-masks of a network that learnt from earlier labels, what is not before a wall is known only where
-network and mask agree.
+outlines of heads by hand, {"ID": [[x, y], ...]} in pixels. With --views, photos that are not before
+a wall have the masks of a network that learnt from earlier labels, known where it says the same of
+several views (head_mask_views.py).
 """
 import argparse
 import json
@@ -113,13 +113,29 @@ def outline_label(points):
     return head.astype(np.float32), 1.0 - np.float32(sure[0] | sure[1])
 
 
-def agreement(head, unknown, guess):
-    """Makes unknown what the network and the mask call differently; None if that is too much."""
-    a, b = head > 0.5, guess > 0.5
-    if (a & b).sum() < 0.7 * (a | b).sum():
-        return None
-    soft = np.where(cv2.dilate((a != b).astype(np.uint8), ellipse(2)) > 0, 1.0, unknown)
-    return 0.5 * (head + guess), np.float32(soft)
+def enclosed(head, unknown, radius=3):
+    """Gives unknown parts that head alone, or what is not head alone, surrounds to that."""
+    parts = cv2.morphologyEx(unknown.astype(np.uint8), cv2.MORPH_OPEN, ellipse(radius))
+    count, labels = cv2.connectedComponents(parts)
+    for part in range(1, count):
+        inside = cv2.dilate((labels == part).astype(np.uint8), ellipse(2)) * unknown > 0
+        around = (cv2.dilate(inside.astype(np.uint8), ellipse(4)) > 0) & ~inside
+        known = around & (unknown == 0)
+        share = head[known].mean() > 0.97, (1.0 - head[known]).mean() > 0.97
+        if known.sum() >= 0.5 * around.sum() and any(share):
+            head[inside] = float(share[0])
+            unknown[inside] = 0.0
+    return head, unknown
+
+
+def views_label(folder, name):
+    """Head mask and unknown pixels by several views; None if too much is unknown."""
+    head, unknown = (
+        cv2.imread(os.path.join(folder, part, name + ".png"), 0).astype(np.float32) / 255.0
+        for part in ("masks", "unknown")
+    )
+    head, unknown = enclosed(head, unknown)
+    return (head, unknown) if unknown.sum() <= 0.35 * (head > 0.5).sum() else None
 
 
 def without_head(image, mask):
@@ -175,7 +191,7 @@ def main():
     parser.add_argument("--drop")
     parser.add_argument("--short-hair")
     parser.add_argument("--mended")
-    parser.add_argument("--network-masks")
+    parser.add_argument("--views")
     parser.add_argument("--only", default="a_", help="ids that begin with this")
     parser.add_argument("--drawn", type=int, default=300)
     options = parser.parse_args()
@@ -199,9 +215,8 @@ def main():
         head, unknown = label(image, mask, points, person, name in short)
         if name in mended:
             head, unknown = outline_label(mended[name])
-        elif options.network_masks and person is None:
-            file = os.path.join(options.network_masks, name + ".png")
-            both = agreement(head, unknown, cv2.imread(file, 0).astype(np.float32) / 255.0)
+        elif options.views and person is None:
+            both = views_label(options.views, name)
             if both is None:
                 continue
             head, unknown = both

@@ -123,7 +123,7 @@ TEST_CASE("masks of the network that ships agree with hand-made ones", "[slow]")
         const Tensor photo = read_image(photos / "images" / (id + ".jpg"));
         sum += intersection_over_union(head_mask(model, photo), truth);
     }
-    CHECK(sum / (end - first) >= 0.89);  // the card of the network: 0.896
+    CHECK(sum / (end - first) >= 0.9);  // the card of the network: 0.906
 }
 
 }  // namespace head_mask_tests
