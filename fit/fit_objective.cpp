@@ -17,7 +17,6 @@ double face_count(const FitComparison& seen) {
 /// the batch.
 template <auto part>
 Variable reconstruction_term(const FitComparison& seen) {
-    if (seen.photos == nullptr) return {};
     return (seen.reconstruction->*part)(seen.decoded.images, *seen.photos) * face_count(seen);
 }
 

@@ -297,14 +297,17 @@ double part_done(const TuningOptions& options, std::int64_t step, double seconds
     return std::min(part, 1.0);
 }
 
+/// The largest learning rate, by what the finished steps tell of the number of all.
+double highest_rate(const TuningOptions& options, std::int64_t step, double part) {
+    if (options.learning_rate > 0.0) return options.learning_rate;
+    return usual_tuning_rate(part > 0.0 ? static_cast<double>(step) / part : 1.0);
+}
+
 }  // namespace
 
-double TuningOptions::usual_learning_rate() const {
-    constexpr double enough_seconds = 20.0, enough_steps = 100.0, largest = 0.09;
-    double length = 1.0;
-    if (seconds > 0.0) length = std::min(length, seconds / enough_seconds);
-    if (steps > 0) length = std::min(length, static_cast<double>(steps) / enough_steps);
-    return largest * std::sqrt(length);
+double usual_tuning_rate(double steps) {
+    constexpr double largest = 0.09, enough = 100.0;
+    return largest * std::sqrt(std::min(1.0, steps / enough));
 }
 
 TuningResult tune_decoder(const Model& original, Model& tuned, const ReconstructionLoss& loss,
@@ -312,15 +315,14 @@ TuningResult tune_decoder(const Model& original, Model& tuned, const Reconstruct
                           const std::vector<Camera>& cameras, const TuningOptions& options) {
     if (options.steps <= 0 && options.seconds <= 0.0)
         fail<ValueError>("tuning needs a limit, seconds or steps");
-    const double highest_rate =
-        options.learning_rate > 0.0 ? options.learning_rate : options.usual_learning_rate();
     const double start = seconds_now();
     Tuning tuning(original, tuned, loss, faces, codes, cameras, options);
     TuningResult result;
     for (std::int64_t step = 0; !interrupted(); ++step) {
         const double part = part_done(options, step, seconds_now() - start);
         if (part >= 1.0 && step > 0) break;
-        const double rate = highest_rate * std::min(1.0, (part + 1e-3) / rising) * 0.5 *
+        const double rate = highest_rate(options, step, part) *
+                            std::min(1.0, (part + 1e-3) / rising) * 0.5 *
                             (1.0 + std::cos(std::numbers::pi * part));
         Tuning::Step done = tuning.step(step, rate);
         result.losses.push_back(done.loss);

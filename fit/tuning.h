@@ -27,18 +27,15 @@ struct TuningOptions {
     /// The largest learning rate, that of the matrices of render blocks and mask branch. Those of
     /// the field get a tenth of it, and all other parameters a tenth of what matrices beside them
     /// get. It rises over the first twentieth of the time and then falls to 0 along a cosine.
-    /// 0: usual_learning_rate().
+    /// 0: usual_tuning_rate() of the number of steps that the limits leave time for.
     double learning_rate = 0.0;
-    /// 0.09; below 20 seconds or 100 steps less, by the root of the time, because few large steps
-    /// leave noise in the image.
-    [[nodiscard]] double usual_learning_rate() const;
-    /// Every third step compares an image of the tuned decoder with a
-    /// target at one of `anchors` anchors, in turn. One anchor of three is a neighbouring code,
-    /// half a standard deviation away, from a random camera; its target is the original decoder's
-    /// image. The others are the face itself from other sides; their target has the photo's colours
-    /// where the photo shows the same points (render/turned_photo.h), elsewhere those of the
-    /// original decoder. A locality weight of 0: there are no anchors.
-    /// The weight of identity is that of the face at the anchors that show it from other sides.
+    /// Every third step compares an image of the tuned decoder with a target at one of `anchors`
+    /// anchors, in turn. One anchor of three is a neighbouring code, half a standard deviation
+    /// away, from a random camera; its target is the original decoder's image. The others are the
+    /// face itself from other sides; their target has the photo's colours where the photo shows the
+    /// same points (render/turned_photo.h), elsewhere those of the original decoder. A locality
+    /// weight of 0: there are no anchors. The weight of identity is that of the face at the anchors
+    /// that show it from other sides.
     FitWeights weights{.regularizer = 0.0,
                        .perceptual = 48.0,
                        .locality = 6.0,
@@ -58,6 +55,10 @@ struct TuningOptions {
     std::uint64_t seed = 0;            ///< seed of the anchors
     std::function<void(const TuningStep&)> on_step = {};
 };
+
+/// The largest learning rate of a tuning of so many steps: 0.09 from 100 steps on. Below, it falls
+/// with their root, because few large steps leave noise in the image.
+[[nodiscard]] double usual_tuning_rate(double steps);
 
 struct TuningResult {
     std::vector<double> losses;  ///< as in TuningStep, of each step

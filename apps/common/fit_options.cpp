@@ -76,7 +76,7 @@ void declare_tuning(Command& command, TuningOptions& tuning) {
     command
         .option("--tune-learning-rate", tuning.learning_rate,
                 "highest learning rate of tuning, that of the render blocks; the field's is a "
-                "tenth of it. 0: by the length of the tuning, 0.09 from 20 seconds on")
+                "tenth of it. 0: by the number of steps, 0.09 for 100 and more")
         .range(0, 1);
     command
         .option("--tune-perceptual", tuning.weights.perceptual,

@@ -86,9 +86,7 @@ const std::set<std::string> tested_elsewhere{
 
 TEST_CASE("Every term of the objective has a test", "[fit_objective]") {
     std::set<std::string> names;
-    for (const FitTerm& term : fit_terms()) {
-        names.emplace(term.name);
-    }
+    for (const FitTerm& term : fit_terms()) names.emplace(term.name);
     std::set<std::string> tested = rows;
     tested.insert(tested_elsewhere.begin(), tested_elsewhere.end());
     CHECK(names == tested);

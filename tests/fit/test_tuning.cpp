@@ -71,14 +71,22 @@ TEST_CASE("tuning brings the decoder's image to the photo", "[tuning]") {
 }
 
 TEST_CASE("Short tunings have a smaller usual learning rate", "[tuning]") {
-    const auto rate = [](double seconds, std::int64_t steps) {
-        return TuningOptions{.seconds = seconds, .steps = steps}.usual_learning_rate();
-    };
-    CHECK(rate(20.0, 0) == Approx(0.09));
-    CHECK(rate(60.0, 0) == Approx(0.09));
-    CHECK(rate(5.0, 0) == Approx(0.045));
-    CHECK(rate(0.0, 25) == Approx(0.045));
-    CHECK(rate(5.0, 4) == Approx(0.018));
+    CHECK(usual_tuning_rate(100.0) == Approx(0.09));
+    CHECK(usual_tuning_rate(400.0) == Approx(0.09));
+    CHECK(usual_tuning_rate(25.0) == Approx(0.045));
+    CHECK(usual_tuning_rate(1.0) == Approx(0.009));
+}
+
+TEST_CASE("A tuning without a learning rate has the usual one of its steps", "[tuning]") {
+    const Case given;
+    TuningResult usual, named;
+    static_cast<void>(given.tuned({.steps = 25}, &usual));
+    static_cast<void>(given.tuned({.steps = 25, .learning_rate = 0.045}, &named));
+    // The first step's rate, which is a fiftieth of it, is chosen without knowing the others.
+    CHECK(usual.losses.back() == Approx(named.losses.back()).epsilon(0.01));
+    TuningResult larger;
+    static_cast<void>(given.tuned({.steps = 25, .learning_rate = 0.09}, &larger));
+    CHECK(usual.losses.back() != Approx(larger.losses.back()).epsilon(0.01));
 }
 
 TEST_CASE("the locality term keeps other faces as they were", "[tuning]") {
@@ -113,8 +121,8 @@ TEST_CASE("tuning changes all but the mapping networks of the decoder", "[tuning
 TEST_CASE("tuning for a number of steps gives the same bits with any number of threads",
           "[tuning]") {
     const Case given;
-    // Two selections of samples and five anchors.
-    const TuningOptions options{.steps = 10};
+    // Three selections of samples, and three anchors that are compared again with theirs.
+    const TuningOptions options{.steps = 20, .anchors = 3};
     const Model one = given.tuned(options);
     const ThreadCount guard;
     for (const int threads : {1, 2, 5}) {
