@@ -12,7 +12,8 @@ namespace stymo {
 
 /// Sets the number of threads that `parallel_for` uses in this process; 0 means one for each
 /// processor that the process may use (core/machine_limits.h). Throws ValueError for a negative
-/// count or one above `most_threads`.
+/// count or one above `most_threads`. Not while another thread computes: a loop has buffers for
+/// the threads that it began with.
 void set_thread_count(int count);
 inline constexpr int most_threads = 1024;
 [[nodiscard]] int thread_count();

@@ -15,14 +15,12 @@ Shape::Shape(std::span<const std::int64_t> extents) {
         fail<ShapeError>("[shape] ", extents.size(), " axes; at most ", max_rank, " are supported");
     rank_ = static_cast<int>(extents.size());
     std::copy(extents.begin(), extents.end(), extents_.begin());
-    if (std::any_of(extents.begin(), extents.end(),
-                    [](std::int64_t extent) { return extent < 0; })) {
-        fail<ShapeError>("[shape] negative extent in ", *this);
-    }
     require_countable();
 }
 
 void Shape::require_countable() const {
+    if (std::ranges::any_of(extents(), [](std::int64_t extent) { return extent < 0; }))
+        fail<ShapeError>("[shape] negative extent in ", *this);
     if (std::ranges::count(extents(), 0) > 0) return;
     std::int64_t elements = 1;
     for (const std::int64_t extent : extents())

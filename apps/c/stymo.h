@@ -25,7 +25,7 @@ STYMO_API const char* stymo_version(void); /* "0.1.0" */
 /* What the last call on this thread that failed could not do, in one line; "" if none failed. Valid
  * until the next call on this thread. */
 STYMO_API const char* stymo_error(void);
-/* Threads of all calls of this process; 0: one for each processor. */
+/* Threads of all calls of this process; 0: one for each processor. Not while a call runs. */
 STYMO_API int stymo_set_threads(int count);
 
 /* Reads a model's file, or the model that comes with stymo under the name "faces-512", or if `path`

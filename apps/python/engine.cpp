@@ -209,8 +209,15 @@ void bind_engine(nb::module_& module) {
         .def(
             "numpy", [](const Node& x) { return numpy_of(x.value.value()); },
             nb::sig("def numpy(self) -> numpy.typing.NDArray"), "Read-only, without a copy.")
-        .def("__array__", [](const Node& x, const nb::args&,
-                             const nb::kwargs&) { return numpy_of(x.value.value()); })
+        .def(
+            "__array__",
+            [](const Node& x, nb::object dtype, nb::object copy) {
+                nb::object array = nb::cast(numpy_of(x.value.value()));
+                const bool copies = !copy.is_none() && nb::cast<bool>(copy);
+                if (!dtype.is_none()) return array.attr("astype")(dtype, "copy"_a = copies);
+                return copies ? array.attr("copy")() : array;
+            },
+            "dtype"_a = nb::none(), "copy"_a = nb::none())
         .def("__dlpack__",
              [](const Node& x, const nb::kwargs& arguments) {
                  return dlpack_of(x.value.value(), arguments);

@@ -138,7 +138,8 @@ NB_MODULE(_stymo, module) {
     });
     module.attr("__version__") = STYMO_VERSION;
     module.def("set_threads", &stymo::set_thread_count, nb::arg("count"),
-               "Threads of all calls of this process; 0: one for each processor.");
+               "Threads of all calls of this process; 0: one for each processor. Not while another "
+               "thread computes.");
     stymo::python::bind_engine(module);
     stymo::python::bind_model(module);
 }

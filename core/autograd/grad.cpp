@@ -76,6 +76,8 @@ Variable initial_gradient(const Variable& y, const GradOptions& options) {
         if (options.dL_dy.shape() != y.shape())
             fail<ShapeError>("[grad] dL_dy has shape ", options.dL_dy.shape(), ", y has ",
                              y.shape());
+        if (options.dL_dy.dtype() != y.dtype())
+            fail<TypeError>("[grad] dL_dy is ", options.dL_dy.dtype(), ", y ", y.dtype());
         return options.create_graph ? options.dL_dy : options.dL_dy.detach();
     }
     if (y.value().size() != 1)

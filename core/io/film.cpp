@@ -266,6 +266,7 @@ void write_both(std::array<Track, 2>& tracks, const fs::path& path) {
 FilmSound add_sound(const fs::path& from, const fs::path& to) {
     av_log_set_level(AV_LOG_QUIET);
     std::array<Track, 2> tracks{Track(to, AVMEDIA_TYPE_VIDEO), Track(from, AVMEDIA_TYPE_AUDIO)};
+    if (!tracks[0].exists()) fail<FileError>(to.string(), ": has no pictures");
     if (!tracks[1].exists()) return FilmSound::none;
     const AVOutputFormat* mp4 = av_guess_format("mp4", nullptr, nullptr);
     if (avformat_query_codec(mp4, tracks[1].stream().codecpar->codec_id, FF_COMPLIANCE_NORMAL) != 1)

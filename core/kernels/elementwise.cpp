@@ -6,6 +6,19 @@
 #include "core/kernels/sine.h"
 
 namespace stymo::kernels {
+namespace {
+
+/// Whether maximum and minimum take their first operand. A NaN in either operand is taken.
+template <class T>
+bool at_least(T x, T y) {
+    return x >= y || std::isnan(x);
+}
+template <class T>
+bool at_most(T x, T y) {
+    return x <= y || std::isnan(x);
+}
+
+}  // namespace
 
 BroadcastPlan plan_broadcast(const Shape& a, const Shape& b, const char* operation) {
     BroadcastPlan plan;
@@ -53,14 +66,18 @@ Tensor divide(const Tensor& a, const Tensor& b) {
     return zip(a, b, "divide", [](auto x, auto y) { return x / y; });
 }
 Tensor maximum(const Tensor& a, const Tensor& b) {
-    return zip(a, b, "maximum", [](auto x, auto y) { return x >= y ? x : y; });
+    return zip(a, b, "maximum", [](auto x, auto y) { return at_least(x, y) ? x : y; });
 }
 Tensor minimum(const Tensor& a, const Tensor& b) {
-    return zip(a, b, "minimum", [](auto x, auto y) { return x <= y ? x : y; });
+    return zip(a, b, "minimum", [](auto x, auto y) { return at_most(x, y) ? x : y; });
 }
-Tensor greater_equal(const Tensor& a, const Tensor& b) {
-    return zip(a, b, "greater_equal",
-               [](auto x, auto y) { return x >= y ? decltype(x)(1) : decltype(x)(0); });
+Tensor takes_maximum(const Tensor& a, const Tensor& b) {
+    return zip(a, b, "maximum",
+               [](auto x, auto y) { return at_least(x, y) ? decltype(x)(1) : decltype(x)(0); });
+}
+Tensor takes_minimum(const Tensor& a, const Tensor& b) {
+    return zip(a, b, "minimum",
+               [](auto x, auto y) { return at_most(x, y) ? decltype(x)(1) : decltype(x)(0); });
 }
 
 Tensor affine(const Tensor& x, double factor, double offset) {

@@ -11,7 +11,9 @@ namespace stymo::kernels {
 [[nodiscard]] Tensor maximum(const Tensor& a, const Tensor& b);
 [[nodiscard]] Tensor minimum(const Tensor& a, const Tensor& b);
 /// 1 where a >= b, else 0.
-[[nodiscard]] Tensor greater_equal(const Tensor& a, const Tensor& b);
+/// 1 where maximum or minimum is the first operand, else 0.
+[[nodiscard]] Tensor takes_maximum(const Tensor& a, const Tensor& b);
+[[nodiscard]] Tensor takes_minimum(const Tensor& a, const Tensor& b);
 
 [[nodiscard]] Tensor affine(const Tensor& x, double factor, double offset);
 [[nodiscard]] Tensor exp(const Tensor& x);

@@ -188,16 +188,22 @@ T inner_product(const T* a, const T* b, std::int64_t channels) {
     return total;
 }
 
+/// 1 for a vector of zeros.
+template <class T>
+double norm_in_float64(const T* x, std::int64_t channels) {
+    double total = 0.0;
+    for (std::int64_t c = 0; c < channels; ++c)
+        total += static_cast<double>(x[c]) * static_cast<double>(x[c]);
+    return total == 0.0 ? 1.0 : std::sqrt(total);
+}
+
 /// |x|, in float64 where the square leaves T's range of full precision; 1 for a vector of zeros,
 /// which has no direction.
 template <class T>
 T norm_or_one(const T* x, std::int64_t channels) {
     const T squared_norm = inner_product(x, x, channels);
     if (squared_norm >= T(1e-30) && squared_norm <= T(1e30)) return std::sqrt(squared_norm);
-    double total = 0.0;
-    for (std::int64_t c = 0; c < channels; ++c)
-        total += static_cast<double>(x[c]) * static_cast<double>(x[c]);
-    return total == 0.0 ? T(1) : static_cast<T>(std::sqrt(total));
+    return static_cast<T>(norm_in_float64(x, channels));
 }
 
 /// Calls body(offset of the first channel) for every pixel, on several threads.
@@ -235,13 +241,25 @@ Tensor unit_channels_gradient(const Tensor& dL_dy, const Tensor& x, double epsil
         T* out = dL_dx.mutable_values<T>().data();
         const std::int64_t channels = x.shape(-1);
         for_each_pixel(x, [=](std::int64_t offset) {
-            const T norm = norm_or_one(in + offset, channels);
-            const T factor = T(1) / (norm + static_cast<T>(epsilon));
-            // 0 for a vector of zeros. The order of the products avoids intermediate overflow.
-            const T along = inner_product(gradient + offset, in + offset, channels) * factor / norm;
+            const auto set_pixel = [&]<class A>(A norm) {
+                const A factor = A(1) / (norm + static_cast<A>(epsilon));
+                A along = A(0);  // stays 0 for a vector of zeros
+#pragma omp simd reduction(+ : along)
+                for (std::int64_t c = 0; c < channels; ++c)
+                    along += static_cast<A>(gradient[offset + c]) * static_cast<A>(in[offset + c]);
+                // The order of the products avoids intermediate overflow.
+                along = along * factor / norm;
 #pragma omp simd
-            for (std::int64_t c = 0; c < channels; ++c)
-                out[offset + c] = factor * (gradient[offset + c] - along * in[offset + c]);
+                for (std::int64_t c = 0; c < channels; ++c)
+                    out[offset + c] =
+                        static_cast<T>(factor * (static_cast<A>(gradient[offset + c]) -
+                                                 along * static_cast<A>(in[offset + c])));
+            };
+            const T norm = norm_or_one(in + offset, channels);
+            if (norm >= T(1e-15) && norm <= T(1e15))
+                set_pixel(norm);
+            else
+                set_pixel(norm_in_float64(in + offset, channels));
         });
     });
     return dL_dx;

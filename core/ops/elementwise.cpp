@@ -72,12 +72,12 @@ Variable choose(const char* name, Tensor value, const Tensor& takes_a, const Var
 
 Variable maximum(const Variable& a, const Variable& b) {
     return choose("maximum", kernels::maximum(a.value(), b.value()),
-                  kernels::greater_equal(a.value(), b.value()), a, b);
+                  kernels::takes_maximum(a.value(), b.value()), a, b);
 }
 
 Variable minimum(const Variable& a, const Variable& b) {
     return choose("minimum", kernels::minimum(a.value(), b.value()),
-                  kernels::greater_equal(b.value(), a.value()), a, b);
+                  kernels::takes_minimum(a.value(), b.value()), a, b);
 }
 
 Variable where(const Tensor& condition, const Variable& a, const Variable& b) {

@@ -87,7 +87,8 @@ Variable input_gradient(const Variable& dL_dz, const Variable& weight) {
 Variable weight_gradient(const Variable& dL_dz, const Variable& x, bool shares_weight) {
     if (!shares_weight) return matmul(dL_dz, x, {.transpose_a = true});
     // One weight for the whole batch: the batch is just more rows.
-    return matmul(reshape(dL_dz, {1, -1, dL_dz.shape(2)}), reshape(x, {1, -1, x.shape(2)}),
+    const std::int64_t rows = x.shape(0) * x.shape(1);
+    return matmul(reshape(dL_dz, {1, rows, dL_dz.shape(2)}), reshape(x, {1, rows, x.shape(2)}),
                   {.transpose_a = true});
 }
 

@@ -112,6 +112,7 @@ ResampleMatrix bicubic_matrix(int output_length, int input_length) {
 }
 
 ResampleMatrix box_matrix(int output_length, int input_length) {
+    if (output_length == 0 && input_length == 0) return {0, 0, {}};
     if (output_length < 1 || input_length % output_length != 0)
         fail<ShapeError>("[resize_box] ", output_length, " does not divide ", input_length);
     const int factor = input_length / output_length;

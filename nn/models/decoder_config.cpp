@@ -151,6 +151,9 @@ FieldConfig field_config(const DecoderConfig& config) {
 
 RaySampling ray_sampling(const DecoderConfig& config) {
     RaySampling rays = config.rays;
+    if (rays.near_z <= rays.far_z)
+        fail<ConfigError>("decoder.near_z = ", rays.near_z, ": must be above decoder.far_z = ",
+                          rays.far_z);
     rays.planes = parse_planes(config.depth_planes);
     return rays;
 }

@@ -109,14 +109,22 @@ struct FaceRenderer::State {
     [[nodiscard]] View render_unfolded(const Camera& seen_by);
 };
 
-bool FaceRenderer::State::take(const Codes& codes, std::int64_t index, std::size_t group) {
+namespace {
+
+void require_row(const Codes& codes, std::int64_t index, std::size_t group) {
     const std::int64_t size = code_sizes[group];
     const Tensor& values = codes.groups[group].value();
     if (values.rank() != 2 || values.shape(1) != size || index < 0 || index >= values.shape(0))
         fail<ShapeError>("code ", code_names[group], " of face ", index,
                          " must be a row of (faces, ", size, "), got ", values.shape());
-    const auto row = values.values<float>().subspan(static_cast<std::size_t>(index * size),
-                                                    static_cast<std::size_t>(size));
+}
+
+}  // namespace
+
+bool FaceRenderer::State::take(const Codes& codes, std::int64_t index, std::size_t group) {
+    const std::int64_t size = code_sizes[group];
+    const auto row = codes.groups[group].value().values<float>().subspan(
+        static_cast<std::size_t>(index * size), static_cast<std::size_t>(size));
     if (std::ranges::equal(row, shown[group])) return false;
     shown[group].assign(row.begin(), row.end());
     return true;
@@ -217,6 +225,7 @@ FaceRenderer::FaceRenderer(FaceRenderer&&) noexcept = default;
 void FaceRenderer::show(const Codes& codes, std::int64_t index) {
     State& state = *state_;
     std::array<bool, code_names.size()> changed{};
+    for (std::size_t group = 0; group < changed.size(); ++group) require_row(codes, index, group);
     for (std::size_t group = 0; group < changed.size(); ++group)
         changed[group] = state.take(codes, index, group);
     if (std::ranges::none_of(changed, [](bool group) { return group; })) return;

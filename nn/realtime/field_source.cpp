@@ -19,7 +19,7 @@ SampleRange samples_in_trained_volume(const CameraConfig& trained, const Camera&
     double nearest = ray.near_distance, farthest = ray.far_distance;
     for (const Eigen::Index axis : {0, 1}) {
         for (const double side : {-1.0, 1.0}) {
-            const double shift = std::clamp(side * start[axis], 0.0, trained.pivot_depth);
+            const double shift = std::clamp(side * start[axis], 0.0, std::abs(trained.pivot_depth));
             const double offset = side * start[axis] - shift - slope * (height + start[2]);
             const double rate = side * step[axis] - slope * step[2];
             if (rate > 0.0) {

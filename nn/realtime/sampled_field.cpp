@@ -106,8 +106,11 @@ DensityGrid make_grid(const ModelConfig& model) {
     const double reach = std::max(std::abs(sampling.near_z), std::abs(sampling.far_z));
     const double side = 0.5 / model.camera.intrinsics.focal * (model.camera.distance + reach);
     constexpr double room = 1.25;
-    return {room * std::hypot(reach, side, side),
-            (sampling.near_z - sampling.far_z) / cells_in_depth};
+    const double half_side = room * std::hypot(reach, side, side);
+    // The cells of unusual cameras are larger, so that the grid never needs more than 70 MB.
+    constexpr double most_cells = 256.0;
+    return {half_side, std::max((sampling.near_z - sampling.far_z) / cells_in_depth,
+                                2.0 * half_side / most_cells)};
 }
 
 class SampledField final : public FieldSource {

@@ -148,6 +148,37 @@ TEST_CASE("At a kink the gradient is the documented one", "[ops]") {
     CHECK(grad(minimum(zero, other), other).value().item() == 0.0);
 }
 
+TEST_CASE("Maximum and minimum take a NaN from either operand, with its gradient", "[ops]") {
+    const Variable nan = Variable::leaf(Tensor::scalar(std::nan(""), DType::float64));
+    const Variable one = Variable::leaf(Tensor::scalar(1.0, DType::float64));
+    for (const auto op : {maximum, minimum}) {
+        for (const Variable& y : {op(nan, one), op(one, nan)}) {
+            CHECK(std::isnan(y.value().item()));
+            CHECK(grad(y, nan).value().item() == 1.0);
+            CHECK(grad(y, one).value().item() == 0.0);
+        }
+    }
+}
+
+TEST_CASE("Gradients exist where an extent is 0, and have the type of the result", "[ops]") {
+    for (const auto& [rows, in, out] : {std::array{5, 0, 4}, std::array{5, 3, 0}}) {
+        const Variable x = Variable::leaf(Tensor::zeros({2, rows, in}));
+        const Variable weight = Variable::leaf(Tensor::zeros({1, out, in}));
+        const Variable y = linear(x, weight, {});
+        const Variable dL_dy = Tensor::full(y.shape(), 1.0);
+        CHECK(grad(y, x, {.create_graph = false, .dL_dy = dL_dy}).shape() == x.shape());
+        CHECK(grad(y, weight, {.create_graph = false, .dL_dy = dL_dy}).shape() == weight.shape());
+        CHECK_THROWS_AS(
+            grad(y, x,
+                 {.create_graph = false, .dL_dy = Tensor::full(y.shape(), 1.0, DType::float64)}),
+            TypeError);
+    }
+    const Variable coarse = Variable::leaf(Tensor::zeros({1, 0, 4, 2}));
+    const Variable y = pixel_shuffle_onto(coarse, Tensor::zeros({1, 0, 4, 8}));
+    CHECK(grad(y, coarse, {.create_graph = false, .dL_dy = Tensor::zeros(y.shape())}).shape() ==
+          coarse.shape());
+}
+
 TEST_CASE("An infinite gradient of what where does not take stays out", "[ops]") {
     const Variable a = Variable::leaf(Tensor::full({2}, 4.0, DType::float64));
     constexpr std::array<double, 2> taken{1.0, 0.0};

@@ -35,6 +35,11 @@ TEST_CASE("A shape knows its extents from both ends", "[tensor]") {
     CHECK(text.str() == "(2, 3, 4)");
 }
 
+TEST_CASE("An extent is never negative", "[tensor]") {
+    CHECK_THROWS_AS(Shape({2, -1}), ShapeError);
+    CHECK_THROWS_AS(Shape({2, 3}).with(0, -1), ShapeError);
+}
+
 TEST_CASE("Shapes broadcast from the last axis or say which op they do not fit", "[tensor]") {
     CHECK(broadcast_shape({2, 1, 4}, {3, 1}, "add") == Shape{2, 3, 4});
     CHECK(broadcast_shape({}, {3, 1}, "add") == Shape{3, 1});

@@ -271,6 +271,36 @@ TEST_CASE("a camera inside the head, or in front of it, sees what the decoder se
     }
 }
 
+TEST_CASE("a frame is the decoder's for a pivot behind the head's origin, too", "[realtime]") {
+    ModelConfig config = tiny_model_config();
+    config.camera.pivot_depth = -1.0;
+    Rng rng(2);
+    const Model model(config, rng);
+    const Codes codes = random_codes(1, 6);
+    FaceRenderer renderer(model, {.mode = RenderMode::exact, .samples_per_ray = 8});
+    renderer.show(codes, 0);
+    for (const double yaw : {0.0, 0.5}) {
+        const Camera camera = model_camera(model, yaw, 0.0, 0.0);
+        const View expected = decoded_view(model, codes, 0, camera, {.samples_per_ray = 8});
+        CHECK(check_close(renderer.render(camera).image, expected.image, 1e-4).passed);
+    }
+}
+
+TEST_CASE("codes that are refused leave nothing of themselves in later frames", "[realtime]") {
+    const Model model = tiny_model(1).copy();
+    const Camera camera = model_camera(model, 0.1, 0.0, 0.0);
+    const Codes first = random_codes(1, 6), second = random_codes(1, 7);
+    Codes broken = second;
+    broken.groups[2] = Tensor::zeros({1, code_sizes[2] - 1});
+    FaceRenderer renderer(model, {.mode = RenderMode::exact, .samples_per_ray = 8});
+    FaceRenderer fresh(model, {.mode = RenderMode::exact, .samples_per_ray = 8});
+    renderer.show(first, 0);
+    CHECK_THROWS_AS(renderer.show(broken, 0), ShapeError);
+    renderer.show(second, 0);
+    fresh.show(second, 0);
+    CHECK(renderer.render(camera).image.to_vector() == fresh.render(camera).image.to_vector());
+}
+
 TEST_CASE("the renderer refuses what it cannot render", "[realtime]") {
     const Model model = small_model(2);
     FaceRenderer renderer(model, {});
