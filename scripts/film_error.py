@@ -74,7 +74,7 @@ def main():
     drive("film.mp4", 1, *speech)
     drive("truth.mp4", 2, *speech)
     truth = ["--truth", o.folder / "truth.mp4"]
-    print("| | mouth, % | face, % | identity | jitter, % | of the film | frames/s |")
+    print("| | mouth, % | face, % | identity | jitter, % | the film's | frames/s |")
     print("|---" * 7 + "|")
     row("no expression", drive("still.mp4", 2, "--coefficients", o.folder / "still.csv",
                                "--rate", "25", *truth))
