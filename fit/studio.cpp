@@ -33,6 +33,12 @@ bool same(const RendererOptions& a, const RendererOptions& b) {
            a.depth == b.depth && a.remove_floaters == b.remove_floaters;
 }
 
+/// An infinite time would never end.
+void require_finite(double seconds) {
+    if (!std::isfinite(seconds))
+        fail<ValueError>("tuning takes a finite number of seconds, not ", seconds);
+}
+
 }  // namespace
 
 struct Studio::State {
@@ -113,6 +119,7 @@ StudioFace Studio::fit(const Tensor& photo, const FitJobOptions& options,
                        const FitObserver& observer) const {
     if (photo.rank() != 3 || photo.shape(2) != 3)
         fail<ShapeError>("the photo must have the shape (height, width, 3), not ", photo.shape());
+    require_finite(options.tuning.seconds);
     const SubnormalsFlushed flushed;
     const ModelConfig& config = state_->model.config();
     PreparedPhoto prepared = prepare_photo(
@@ -129,7 +136,8 @@ StudioFace Studio::tune(const StudioFace& face, double seconds, std::int64_t ste
     if (!face.photo)
         fail<ValueError>("only a face that was fitted to a photo here can be tuned to it");
     state_->require_own(face);
-    if (!(seconds > 0.0) && steps <= 0)
+    require_finite(seconds);
+    if (seconds <= 0.0 && steps <= 0)
         fail<ValueError>("tuning needs a limit, in seconds or steps, above 0");
     const SubnormalsFlushed flushed;
     FitJobOptions options = fit_options();

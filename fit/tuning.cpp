@@ -297,10 +297,14 @@ double part_done(const TuningOptions& options, std::int64_t step, double seconds
     return std::min(part, 1.0);
 }
 
-/// The largest learning rate, by what the finished steps tell of the number of all.
+/// The largest learning rate, by what the finished steps tell of the number of all. Before the
+/// first step nothing tells what a limit in seconds leaves time for, so that the number that is
+/// asked for counts then.
 double highest_rate(const TuningOptions& options, std::int64_t step, double part) {
     if (options.learning_rate > 0.0) return options.learning_rate;
-    return usual_tuning_rate(part > 0.0 ? static_cast<double>(step) / part : 1.0);
+    if (part > 0.0) return usual_tuning_rate(static_cast<double>(step) / part);
+    const bool asked = options.seconds > 0.0 && options.steps > 0;
+    return usual_tuning_rate(asked ? static_cast<double>(options.steps) : 1.0);
 }
 
 }  // namespace
@@ -319,8 +323,10 @@ TuningResult tune_decoder(const Model& original, Model& tuned, const Reconstruct
     Tuning tuning(original, tuned, loss, faces, codes, cameras, options);
     TuningResult result;
     for (std::int64_t step = 0; !interrupted(); ++step) {
-        const double part = part_done(options, step, seconds_now() - start);
-        if (part >= 1.0 && step > 0) break;
+        // Of the first step nothing is done, even if what comes before it took all the time: it
+        // would learn nothing at the end of the half cosine.
+        const double part = step > 0 ? part_done(options, step, seconds_now() - start) : 0.0;
+        if (part >= 1.0) break;
         const double rate = highest_rate(options, step, part) *
                             std::min(1.0, (part + 1e-3) / rising) * 0.5 *
                             (1.0 + std::cos(std::numbers::pi * part));

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iomanip>
+#include <limits>
 #include <numbers>
 #include <sstream>
 
@@ -165,7 +166,9 @@ HeadMaskTrainingOutcome train_head_mask(const HeadMaskModel& model,
         saved = seconds_now();
     }
     training.save();
-    return {training.step(), recent, seconds_now() - start, training.step() >= config.steps};
+    // As in Tick::losses, NaN stands for what no step has measured.
+    const double loss = training.step() > first ? recent : std::numeric_limits<double>::quiet_NaN();
+    return {training.step(), loss, seconds_now() - start, training.step() >= config.steps};
 }
 
 }  // namespace stymo

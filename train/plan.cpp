@@ -171,21 +171,24 @@ JsonValue to_json(const TrainingPlan& plan) {
 std::string outcome_text(const TrainingOutcome& outcome, const RunFolder& folder) {
     std::ostringstream text;
     text << std::fixed << std::setprecision(4) << "steps " << outcome.steps
-         << (outcome.finished ? "" : " (stopped early; --resume latest goes on)") << ", loss "
-         << outcome.last_tick.total << ", reconstruction " << outcome.last_tick["reconstruction"]
-         << std::setprecision(1) << ", " << outcome.images_per_second << " images/s, "
+         << (outcome.finished ? "" : " (stopped early; --resume latest goes on)");
+    if (const std::optional<LossValues>& losses = outcome.last_tick)
+        text << ", loss " << losses->total << ", reconstruction " << (*losses)["reconstruction"];
+    text << std::setprecision(1) << ", " << outcome.images_per_second << " images/s, "
          << duration_text(outcome.seconds) << ", " << folder.model_file().string() << '\n';
     return text.str();
 }
 
 JsonValue to_json(const TrainingOutcome& outcome, const RunFolder& folder) {
-    return JsonValue::object({{"steps", outcome.steps},
-                              {"finished", outcome.finished},
-                              {"seconds", outcome.seconds},
-                              {"images_per_second", outcome.images_per_second},
-                              {"loss", outcome.last_tick.total},
-                              {"reconstruction", outcome.last_tick["reconstruction"]},
-                              {"model", folder.model_file().string()}});
+    const std::optional<LossValues>& losses = outcome.last_tick;
+    return JsonValue::object(
+        {{"steps", outcome.steps},
+         {"finished", outcome.finished},
+         {"seconds", outcome.seconds},
+         {"images_per_second", outcome.images_per_second},
+         {"loss", losses ? JsonValue(losses->total) : JsonValue()},
+         {"reconstruction", losses ? JsonValue((*losses)["reconstruction"]) : JsonValue()},
+         {"model", folder.model_file().string()}});
 }
 
 }  // namespace stymo

@@ -31,8 +31,8 @@ struct TrainingOutcome {
     std::int64_t steps = 0;
     double seconds = 0.0;  ///< duration of this call
     double images_per_second = 0.0;
-    LossValues last_tick;
-    bool finished = false;  ///< all steps of the configuration are done
+    std::optional<LossValues> last_tick{};  ///< nothing if this call did no step
+    bool finished = false;                  ///< all steps of the configuration are done
 };
 
 /// Trains a model on a data set in both stages and writes the run folder.

@@ -208,14 +208,14 @@ TrainingOutcome Trainer::Run::finish() {
     outcome_.images_per_second =
         static_cast<double>(images_done() - first_image_) / std::max(1e-9, outcome_.seconds);
     outcome_.finished = trainer_.state_.step >= trainer_.schedule_.steps();
-    if (tick_.steps() > 0 && outcome_.last_tick.total == 0.0) outcome_.last_tick = tick_.losses();
+    if (tick_.steps() > 0 && !outcome_.last_tick) outcome_.last_tick = tick_.losses();
     if (folder_ == nullptr) return outcome_;
     if (saved_step_ != trainer_.state_.step) save_checkpoint();
     // Only at the end, because the statistics take as long as many steps; and after the checkpoint,
     // in case the process is killed meanwhile.
     for (const std::filesystem::path& model : {folder_->model_file(), folder_->best_file()})
         add_code_statistics(model, trainer_.training_, trainer_.config_.output.statistics_images);
-    progress_.finish(step_text(outcome_.last_tick));
+    progress_.finish(outcome_.last_tick ? step_text(*outcome_.last_tick) : "");
     return outcome_;
 }
 

@@ -4,6 +4,8 @@
 #include <map>
 #include <memory>
 #include <span>
+#include <string>
+#include <vector>
 
 #include "apps/bench/study.h"
 #include "apps/common/tool_options.h"
@@ -14,6 +16,7 @@
 #include "core/parallel_recording.h"
 #include "fit/fitter.h"
 #include "fit/tuning.h"
+#include "train/data/folder_scan.h"
 
 /// The study of processors: what a job would gain from more of them than the machine has.
 namespace stymo {
@@ -61,15 +64,17 @@ Run tuning_steps(const BenchSubject& subject, const ReconstructionLoss& loss) {
     };
 }
 
-/// As many photos as the folder has, at most 64, none of whose masks are known.
-Run preparation(const std::filesystem::path& photos) {
+/// As many photos as there are, at most 64, none of whose masks are known.
+Run preparation(const std::vector<FaceFiles>& photos) {
     constexpr std::size_t most = 64;
     const auto input = std::make_shared<FolderInProgress>(std::filesystem::temp_directory_path() /
                                                           "stymo-bench-photos");
-    std::size_t count = 0;
-    for (const auto& file : std::filesystem::directory_iterator(photos / "images"))
-        if (++count <= most)
-            std::filesystem::copy_file(file.path(), input->path() / file.path().filename());
+    // By number, because folders of a large set may have images of the same name.
+    for (std::size_t i = 0; i < std::min(most, photos.size()); ++i) {
+        const std::filesystem::path& image = photos[i].image;
+        std::filesystem::copy_file(
+            image, input->path() / (std::to_string(i) + image.extension().string()));
+    }
     PhotoPreparationSettings settings;
     settings.landmark_model = shipped_landmark_network();
     settings.mask_network = shipped_mask_network();
@@ -164,6 +169,9 @@ Row scaling_of(const ScaledJob& job, int repeats) {
 
 StudyPlan cores_plan(const StudyInputs& inputs) {
     const BenchOptions& bench = inputs.bench;
+    // Before anything is measured, because it throws for a folder without images.
+    const std::vector<FaceFiles> photos =
+        bench.data.empty() ? std::vector<FaceFiles>() : scan_folder(bench.data).faces;
     const auto subject = std::make_shared<const BenchSubject>(make_subject(bench));
     // The loss of the model's fits; random weights of LPIPS do not change the time.
     ReconstructionConfig config = subject->model.config().reconstruction;
@@ -185,8 +193,8 @@ StudyPlan cores_plan(const StudyInputs& inputs) {
                                 {"tuning, 8 steps", [=] { return tuning_steps(*subject, *loss); }},
                                 {"training step, celeba-128", training("celeba-128")},
                                 {"training step, celeba-256", training("celeba-256")}};
-    if (!bench.data.empty())
-        jobs.push_back({"preparation of a folder", [=] { return preparation(bench.data); }});
+    if (!photos.empty())
+        jobs.push_back({"preparation of a folder", [=] { return preparation(photos); }});
     StudyPlan plan;
     for (const ScaledJob& job : jobs)
         plan.add({job.name}, [=, repeats = bench.repeats] { return scaling_of(job, repeats); });

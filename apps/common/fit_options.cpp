@@ -114,20 +114,24 @@ void declare_video(Command& command, VideoFitOptions& options) {
     command
         .option("--frame-steps", options.steps,
                 "with --video: optimiser steps of each window of frames; 0: what landmarks show")
-        .range(0, 10000);
+        .range(0, 10000)
+        .needs("--video");
     command
         .option("--key-steps", options.key_steps,
                 "with --video: optimiser steps for identity, texture and light")
-        .range(0, 10000);
+        .range(0, 10000)
+        .needs("--video");
     command
         .option("--time-weight", options.time_weight,
                 "with --video: weight of the term that draws the expressions of neighbouring "
                 "frames together")
-        .range(0, 1e6);
+        .range(0, 1e6)
+        .needs("--video");
     command
         .option("--video-side", options.side,
                 "with --video: side of the images that are compared, one that the model renders")
-        .range(64, 512);
+        .range(64, 512)
+        .needs("--video");
 }
 
 void declare_film(Command& command, FilmOptions& options) {

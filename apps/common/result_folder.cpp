@@ -80,11 +80,33 @@ std::string name_in(const std::string& line, const std::string& key) {
     return value[key].get<std::string>();
 }
 
+/// Whether there is nothing at `path`, or a folder with nothing but what a process leaves that dies
+/// before its settings are written: the lock and their temporary file (write_whole).
+bool is_unused(const fs::path& path) {
+    if (!fs::exists(path)) return true;
+    if (!fs::is_directory(path)) return false;
+    return std::ranges::all_of(fs::directory_iterator(path), [](const auto& entry) {
+        const std::string name = entry.path().filename().string();
+        return name == ".lock" || (name.starts_with(".settings.") && name.ends_with(".part.json"));
+    });
+}
+
 }  // namespace
 
+JsonValue to_json(const Settings& settings) {
+    JsonValue json = JsonValue::object();
+    for (const auto& [option, value] : settings) json.add(option, value);
+    return json;
+}
+
+CommonState common_state(const JsonValue& settings, std::span<const std::string> photos) {
+    std::string names;
+    for (const std::string& photo : photos) names += photo + '\n';
+    return {{"settings", settings.text()}, {"a folder of photos", std::to_string(crc32c(names))}};
+}
+
 void ResultFolder::require_own(const fs::path& path) {
-    if (fs::exists(path) && !fs::exists(path / settings_file) &&
-        (!fs::is_directory(path) || !fs::is_empty(path)))
+    if (!is_unused(path) && !fs::exists(path / settings_file))
         fail<FileError>(path.string(), ": exists already; choose another folder or remove it");
 }
 
@@ -99,7 +121,7 @@ void ResultFolder::require_apart(const fs::path& path, const fs::path& photos) {
 ResultFolder::ResultFolder(fs::path path, const Settings& settings, std::string name,
                            std::string key, Ranks& ranks)
     : path_(std::move(path)), name_(std::move(name)), key_(std::move(key)), ranks_(ranks) {
-    for (const auto& [option, value] : settings) settings_.add(option, value);
+    settings_ = to_json(settings);
     const bool begun = fs::exists(path_ / settings_file);
     if (!begun && !parts().empty())
         fail<FileError>(path_.string(), ": holds ", name_,
@@ -145,12 +167,11 @@ std::string ResultFolder::line_of(const std::string& photo) const {
 }
 
 CommonState ResultFolder::state(std::span<const std::string> photos) const {
-    std::string names, finished;
-    for (const std::string& photo : photos) names += photo + '\n';
+    std::string finished;
     for (const auto& [photo, line] : lines_) finished += photo + '\n';
-    return {{"settings", settings_.text()},
-            {"a folder of photos", std::to_string(crc32c(names))},
-            {"a list of finished photos", std::to_string(crc32c(finished))}};
+    CommonState state = common_state(settings_, photos);
+    state.emplace_back("a list of finished photos", std::to_string(crc32c(finished)));
+    return state;
 }
 
 void ResultFolder::begin() {

@@ -18,9 +18,9 @@ namespace stymo {
 /// Reserves a folder for this process. The lock ends with the process, however that ends.
 class FolderLock {
 public:
-    /// Locks the file `folder`/.lock, which is never removed. Throws FileError if another process
-    /// has locked the folder or the file cannot be made. Does nothing on a file system without
-    /// locks.
+    /// Locks the file `folder`/.lock, which stays when the lock ends. Throws FileError if another
+    /// process has locked the folder or the file cannot be made. Does nothing on a file system
+    /// without locks.
     explicit FolderLock(const std::filesystem::path& folder);
     ~FolderLock();
     FolderLock(const FolderLock&) = delete;
@@ -30,13 +30,21 @@ private:
     int file_;
 };
 
+[[nodiscard]] JsonValue to_json(const Settings& settings);
+
+/// What must be the same on all ranks of a run over photos without a ResultFolder.
+[[nodiscard]] CommonState common_state(const JsonValue& settings,
+                                       std::span<const std::string> photos);
+
 /// The output folder of a run over many photos, which can be interrupted and divided among ranks:
 /// settings.json, and the results in NAME.jsonl, one JSON object a line whose member KEY names the
 /// photo. Rank 0 appends to NAME.jsonl, rank R to NAME.R.jsonl, so that no two ranks write to one
 /// file and one that dies loses no result.
 class ResultFolder {
 public:
-    /// Throws FileError if there is something at `path`, unless it is such a folder or is empty.
+    /// Throws FileError if there is something at `path`, unless it is such a folder or is empty. A
+    /// lock and a part of settings.json, which a process leaves that dies at the begin, do not
+    /// count.
     static void require_own(const std::filesystem::path& path);
     /// Throws FileError if `path` is in the folder of photos, which is searched as a whole: what
     /// is written there would be photos of the next run.

@@ -296,15 +296,13 @@ Evaluation evaluate(const FitJob& job, const Dataset& faces, const EvaluationOpt
                        .first = findings.count(),
                        .unit = "faces"});
     const auto do_face = [&](std::int64_t position) {
+        const std::string& id = faces.ids()[static_cast<std::size_t>(position)];
         std::optional<FittedFaces> done;
         FaceScore score;
         try {
             const ComparedFace face = compared_face(job.model(), faces, position, options);
             done.emplace(options.fit ? job.fit(face.batch) : job.unfitted(face.batch));
             if (!done->incomplete.empty()) return;
-            const std::string& id = faces.ids()[static_cast<std::size_t>(position)];
-            if (done->changes && options.folder != nullptr)
-                done->changes->save(options.folder->tuned_of(id));
             score = score_of(id, job.report(*done, 0, face.masks.front(), options.lpips), face,
                              options);
             measure_person(job, faces, face, *done, options, score);
@@ -312,6 +310,9 @@ Evaluation evaluate(const FitJob& job, const Dataset& faces, const EvaluationOpt
             findings.add_failure(position, error.what());
             return;
         }
+        // A disk that is full is no fault of the face: it stops the run.
+        if (done->changes && options.folder != nullptr)
+            done->changes->save(options.folder->tuned_of(id));
         findings.add(position, std::move(score), done->fit, progress);
     };
     work_until_stopped(std::ssize(positions),

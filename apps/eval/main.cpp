@@ -141,7 +141,8 @@ public:
 
     /// What must be the same on all ranks.
     [[nodiscard]] stymo::CommonState state() const {
-        if (options_.evaluation.folder == nullptr) return {};
+        if (options_.evaluation.folder == nullptr)
+            return stymo::common_state(stymo::to_json(settings_), faces_.ids());
         return options_.evaluation.folder->results().state(faces_.ids());
     }
     [[nodiscard]] stymo::Evaluation evaluate() const {

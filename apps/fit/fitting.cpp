@@ -30,6 +30,9 @@ const Lpips* metric_network(const LpipsOptions& options, const ReconstructionCon
     if (loss.lpips() != nullptr) return loss.lpips();
     if (!options.trunk.empty())
         return &own.emplace(metric_config(options, config.perceptual), "leave out --lpips-trunk");
+    // With a loss that has LPIPS the trunk may be the one that the configuration names.
+    if (!options.heads.empty())
+        fail<UsageError>("--lpips-heads requires --lpips-trunk where the fit has no LPIPS");
     return nullptr;
 }
 
@@ -216,20 +219,27 @@ AppResult fit_video(const Fitting& fitting, const std::filesystem::path& film,
     const std::filesystem::path file = out / "codes.jsonl";
     write_whole(file, [&](const std::filesystem::path& temporary) {
         std::ofstream stream(temporary, std::ios::binary);
+        const auto require_written = [&] {
+            if (!stream) fail<FileError>(file.string(), ": cannot be written; is the disk full?");
+        };
         summary = video.run([&](const FilmFrame& frame) {
             JsonValue line = code_file_json(frame.codes, 0, frame.pose, fitting.mark);
             line.add("frame", frame.index).add("face", frame.found).add("starts", frame.starts);
             stream << line.add("roll_deg", degrees_from_radians(frame.roll)).text() << '\n';
+            // A full disk ends the run here, not after hours of other frames.
+            require_written();
         });
         if (interrupted()) fail("interrupted; nothing was written");
         stream.flush();
-        if (!stream) fail<FileError>(file.string(), ": cannot be written; is the disk full?");
+        require_written();
     });
-    AppResult result{
-        text_from(text_of(summary.film), "; photometric loss ", decimal(summary.loss, 4),
-                  "; person ", decimal(summary.person_seconds, 1), " s"),
-        to_json(summary.film)};
-    result.json.add("photometric", summary.loss).add("person_seconds", summary.person_seconds);
+    const std::string loss =
+        summary.loss ? "; photometric loss " + decimal(*summary.loss, 4) : std::string();
+    AppResult result{text_from(text_of(summary.film), loss, "; person ",
+                               decimal(summary.person_seconds, 1), " s"),
+                     to_json(summary.film)};
+    result.json.add("photometric", summary.loss ? JsonValue(*summary.loss) : JsonValue());
+    result.json.add("person_seconds", summary.person_seconds);
     result.json.add("frames_per_second", video.frames_per_second());
     write_file(out / "report.json", result.json.text() + "\n", Durability::none);
     return result;

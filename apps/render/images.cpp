@@ -6,8 +6,10 @@
 #include <iostream>
 #include <sstream>
 
+#include "apps/common/command_line.h"
 #include "apps/common/explain.h"
 #include "apps/common/face_input.h"
+#include "apps/common/table.h"
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/io/folder_in_progress.h"
@@ -59,6 +61,23 @@ ChosenRenderer image_renderer(const RenderOptions& options, const Model& model,
     std::vector<FaceView> views;
     for (const Shot& shot : shots) views.push_back({shot.codes, camera_of(shot, model)});
     return choose_renderer(model, views, wanted, options.psnr);
+}
+
+/// Throws UsageError for an animation whose frames, which are written at the end, hardly any
+/// machine could hold.
+void require_room(const RenderOptions& options, const Model& model, std::size_t frames) {
+    constexpr double gibibyte = 1024.0 * 1024.0 * 1024.0, most = 4.0;
+    const std::int64_t wanted = options.renderer.resolution;
+    const std::int64_t side = wanted == 0 ? model.decoder().ladder().largest() : wanted;
+    // Beside the image one channel of the mask, and three of its grey image; and one of the depth.
+    const int channels = 3 + (options.renderer.mask ? 4 : 0) + (options.renderer.depth ? 1 : 0);
+    const double needed = static_cast<double>(frames) * static_cast<double>(side * side) *
+                          channels * sizeof(float) / gibibyte;
+    if (needed <= most) return;
+    const char* const number = options.orbit > 0 ? "--orbit" : "--frames";
+    fail<UsageError>(number, ": ", frames, " frames of ", side, " x ", side, " pixels need ",
+                     decimal(needed, 1), " GiB of memory, more than ", decimal(most, 0),
+                     "; give a smaller ", number, " or --size");
 }
 
 std::vector<View> views(const RenderOptions& options, const Model& model,
@@ -143,12 +162,13 @@ std::string numbered(std::size_t number) {
 
 WrittenImages write_images(const std::filesystem::path& out, const RenderOptions& options,
                            const Model& model, const ShotList& list) {
+    const bool animation = is_animation(out);
+    if (animation) require_room(options, model, list.shots.size());
     ChosenRenderer chosen = options.depth_alone() ? depth_renderer(options, model)
                                                   : image_renderer(options, model, list.shots);
     report(chosen);
     const std::vector<View> seen = views(options, model, list.shots, chosen.renderer);
     count_for_report(chosen.renderer.counts());
-    const bool animation = is_animation(out);
     WrittenImages result{.files = {},
                          .mode = chosen.mode,
                          .tolerance = chosen.tolerance,

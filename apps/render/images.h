@@ -20,7 +20,7 @@ struct WrittenImages {
 /// image. Masks are written to OUT_mask in the same format, and depths to OUT_depth.exr, or for
 /// animations to OUT_NNNN_depth.exr for each frame; if `out` is an .exr file, it gets the depths,
 /// and no image is rendered. Throws Error, before anything is written, if the process is
-/// interrupted by a signal.
+/// interrupted by a signal, and UsageError for an animation of more than 4 GiB.
 [[nodiscard]] WrittenImages write_images(const std::filesystem::path& out,
                                          const RenderOptions& options, const Model& model,
                                          const ShotList& list);

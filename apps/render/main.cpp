@@ -132,10 +132,12 @@ void declare_jobs(stymo::Command& line, stymo::RenderOptions& options) {
         .excludes("--roll");
     line.option("--orbit-yaw", options.orbit_yaw,
                 "largest yaw of the orbit to either side, in degrees")
-        .range(0, 180);
+        .range(0, 180)
+        .needs("--orbit");
     line.option("--orbit-pitch", options.orbit_pitch,
                 "largest pitch of the orbit up and down, in degrees")
-        .range(0, 90);
+        .range(0, 90)
+        .needs("--orbit");
     line.option("--fps", options.frames_per_second, "frames per second of an animation")
         .range(1, 240);
     line.option("--to", options.to,

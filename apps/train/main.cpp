@@ -1,3 +1,4 @@
+#include <cmath>
 #include <filesystem>
 #include <iostream>
 #include <memory>
@@ -147,8 +148,9 @@ stymo::AppResult train_masks(const Options& options, const stymo::CommonOptions&
                                 .minutes = options.max_minutes,
                                 .seed = common.seed});
     const std::string file = (options.out / stymo::head_mask_file).string();
-    return {stymo::text_from(outcome.steps, " of ", config.steps, " steps, loss ", outcome.loss,
-                             ": ", file, '\n'),
+    const std::string loss =
+        std::isfinite(outcome.loss) ? stymo::text_from(", loss ", outcome.loss) : std::string();
+    return {stymo::text_from(outcome.steps, " of ", config.steps, " steps", loss, ": ", file, '\n'),
             stymo::JsonValue::object({{"steps", outcome.steps},
                                       {"photos", examples.size()},
                                       {"loss", outcome.loss},
@@ -173,11 +175,15 @@ void require_own_folder(const Options& options) {
                                   " does not belong; choose another --out");
 }
 
-stymo::AppResult train(const Options& options, const stymo::CommonOptions& common) {
-    if (options.head_mask) return train_masks(options, common);
+stymo::AppResult train(Options options, const stymo::CommonOptions& common) {
     if (options.print_keys)
         return {stymo::configuration_table(),
                 stymo::JsonValue::object({{"table", stymo::configuration_table()}})};
+    if (options.head_mask) return train_masks(options, common);
+    // The name of a checkpoint tells its step (checkpoint_step), but not behind the slash that a
+    // shell adds when it completes the name.
+    if (const std::filesystem::path resumed = options.resume; !resumed.has_filename())
+        options.resume = resumed.parent_path().string();
     require_paths(options);
     require_own_folder(options);
     std::optional<stymo::FolderLock> lock;

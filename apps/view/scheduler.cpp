@@ -55,8 +55,11 @@ std::optional<Frame> Scheduler::render(const std::string& session, FrameRequest 
 }
 
 void Scheduler::forget(const std::string& session) {
-    const std::lock_guard lock(mutex_);
-    forgotten_.push_back(session);
+    {
+        const std::lock_guard lock(mutex_);
+        forgotten_.push_back(session);
+    }
+    work_.notify_one();
 }
 
 /// Moving frames and requests that have waited for long come first; among equals, the one that
@@ -75,9 +78,10 @@ std::map<Scheduler::Key, Scheduler::Waiting>::iterator Scheduler::next() {
 void Scheduler::run() {
     std::unique_lock lock(mutex_);
     while (true) {
-        work_.wait(lock, [this] { return ends_ || !waiting_.empty(); });
+        work_.wait(lock, [this] { return ends_ || !waiting_.empty() || !forgotten_.empty(); });
         if (ends_) return;
         for (const std::string& session : std::exchange(forgotten_, {})) renderers_.erase(session);
+        if (waiting_.empty()) continue;
         const auto chosen = next();
         const Key key = chosen->first;
         Waiting waiting = std::move(chosen->second);

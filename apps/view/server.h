@@ -19,7 +19,7 @@ struct ServerOptions {
     std::string token{};
     std::vector<std::string> origins{};  ///< addresses of the page behind proxies
     bool trusts_proxy = false;           ///< believes X-Forwarded-Host and X-Forwarded-Proto
-    std::size_t most_body_bytes = 32U << 20U;
+    std::size_t most_body_bytes = 64U << 20U;
     ClientLimits clients{};
 };
 

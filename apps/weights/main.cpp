@@ -23,6 +23,7 @@ std::int64_t value_count(const stymo::TensorFile& file) {
 
 stymo::AppResult import(const fs::path& in, const fs::path& out) {
     stymo::require_extension(out, {".safetensors"});
+    stymo::require_not_read(out, {in});
     const stymo::ImportedWeights weights = stymo::import_weights(in);
     stymo::require_folder_of(out);
     stymo::write_tensor_file(out, weights.file);

@@ -129,15 +129,17 @@ void VideoFit::fit_person() {
 
 VideoSummary VideoFit::run(const std::function<void(const FilmFrame&)>& sink) const {
     VideoSummary summary{.person_seconds = person_seconds_};
+    double losses = 0.0;
     FrameFits fits(job_, options_, person_, rest_);
     const FilmFrame first{.codes = person_, .pose = frontal_pose(job_.model().config().camera)};
     summary.film = follower_.run(
         first, [&](std::span<FrameInWork> shot) { fits.fit(shot); },
         [&](const FilmFrame& frame) {
-            if (frame.found) summary.loss += frame.loss;
+            if (frame.found) losses += frame.loss;
             sink(frame);
         });
-    summary.loss /= static_cast<double>(std::max<std::int64_t>(1, summary.film.found));
+    if (options_.steps > 0 && summary.film.found > 0)
+        summary.loss = losses / static_cast<double>(summary.film.found);
     return summary;
 }
 

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <optional>
 
 #include "fit/fit_job.h"
 #include "fit/video/film_follower.h"
@@ -19,7 +20,8 @@ struct VideoFitOptions {
 
 struct VideoSummary {
     FilmSummary film{};
-    double loss = 0.0;            ///< mean of FilmFrame::loss over the frames with a face
+    /// Mean of FilmFrame::loss over the frames with a face; nothing without steps or such frames.
+    std::optional<double> loss{};
     double person_seconds = 0.0;  ///< of the fit to the key frames
 };
 

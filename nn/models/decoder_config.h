@@ -80,7 +80,8 @@ void describe(ConfigSchema& schema, DecoderConfig& config);
 /// The field that the configuration selects. Throws ConfigError for a combination that does not
 /// exist.
 [[nodiscard]] FieldConfig field_config(const DecoderConfig& config);
-/// `rays` with the planes that `depth_planes` names. Throws ConfigError for another name.
+/// `rays` with the planes that `depth_planes` names. Throws ConfigError for another name, and
+/// unless `near_z` is above `far_z`.
 [[nodiscard]] RaySampling ray_sampling(const DecoderConfig& config);
 
 }  // namespace stymo

@@ -2,6 +2,8 @@
 #include <catch2/catch.hpp>
 #include <nlohmann/json.hpp>
 
+#include "apps/common/command_line.h"
+#include "apps/render/images.h"
 #include "apps/tiny_run.h"
 #include "apps/tool_run.h"
 #include "core/io/file.h"
@@ -54,6 +56,20 @@ stymo::Tensor tile(const std::string& image, int row, int column) {
 }
 
 }  // namespace
+
+TEST_CASE("An animation that would not fit into memory is refused before its first frame",
+          "[render_tool]") {
+    const stymo::Model model = stymo::Model::load(tiny_run() / "run/model.safetensors");
+    const stymo::CodeFile face = read_code_file(tiny_run() / "fit/codes.json");
+    const stymo::ShotList list{.shots = std::vector<stymo::Shot>(100000, {face.codes, face.pose})};
+    stymo::RenderOptions options;
+    options.orbit = 100000;
+    CHECK_THROWS_AS(stymo::write_images(tiny_run() / "long.gif", options, model, list),
+                    stymo::UsageError);
+    CHECK_THROWS_WITH(stymo::write_images(tiny_run() / "long.gif", options, model, list),
+                      "--orbit: 100000 frames of 64 x 64 pixels need 4.6 GiB of memory, more than "
+                      "4; give a smaller --orbit or --size");
+}
 
 TEST_CASE("A grid shows yaw from left to right and pitch from top to bottom, as single views do",
           "[render_tool]") {

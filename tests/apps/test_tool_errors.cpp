@@ -80,6 +80,8 @@ TEST_CASE("Wrong usage of a tool exits with 2") {
          "which is read"},
         {fit + "--video film.avi --tune 5", "leave out --tune"},
         {fit + "--image faces/images/00000.png --as-is --every 2", "--video"},
+        {fit + "--image faces/images/00000.png --as-is --time-weight 1", "--video"},
+        {fit + "--image faces/images/00000.png --as-is --lpips-heads random", "--lpips-trunk"},
         {fit + "--video film.avi --mask faces/images/00000.png", "--video"},
         {fit + "--video film.avi --steps 5", "--video"},
         {fit + "--image faces/images/00000.png --as-is --mask faces/masks/00000.png", "--mask"},
@@ -93,6 +95,8 @@ TEST_CASE("Wrong usage of a tool exits with 2") {
         {render + "--out out.png --orbit 3", "out.png"},
         {render + "--out out.png --yaw nan", "--yaw"},
         {render + "--out out.gif --orbit 3 --yaw 20", "--yaw"},
+        {render + "--out out.png --orbit-yaw 20", "--orbit"},
+        {render + "--out out.png --orbit-pitch 5", "--orbit"},
         {render + "--out out.png --grid-yaw -5:5:2 --yaw 20", "--yaw"},
         {"stymo-drive --codes fit/codes.json --out out.mp4 --video film.avi --rate 30",
          "--coefficients"},
@@ -113,6 +117,7 @@ TEST_CASE("Wrong usage of a tool exits with 2") {
          "--sample"},
         {"stymo-prep --photos faces --out out --distance 5", "--pose-net"},
         {"stymo-weights publish run/model.safetensors run/model.safetensors", "which is read"},
+        {"stymo-weights import run/model.safetensors run/model.safetensors", "which is read"},
         {render + "--out out.png --yaw 200", "--yaw"},
         {render + "--out out.png --size 513", "--size"},
         {eval + "--ids 5-2", "5-2"},
@@ -273,6 +278,10 @@ TEST_CASE("A run that cannot begin or resume as wanted leaves no run folder behi
          {train + "--resume run/checkpoints/000004 --seed 3", "--seed 0, not 3"},
          {train + "--resume run/checkpoints/000004 --set decoder.field_width=8", "shape"}},
         failed);
+    // The slash of a completed name hides no step.
+    fs::create_directory(tiny_run() / "renamed");
+    fs::copy(tiny_run() / "run/checkpoints/000004", tiny_run() / "renamed/000009");
+    check_refused({{train + "--resume renamed/000009/", "is of step 4, not of step 9"}}, failed);
     check_refused({{train + "--initial-model run/model.safetensors --resume latest",
                     "--resume excludes --initial-model"}},
                   wrong_usage);

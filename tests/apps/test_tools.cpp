@@ -112,6 +112,7 @@ TEST_CASE("A dry run and the table of keys write nothing, and are one object wit
     CHECK(plan["phases"][0]["steps"] == 4);
     CHECK_FALSE(fs::exists(stymo::tiny_run() / "dry"));
     CHECK_THAT(done("stymo-train --print-keys").out, Catch::StartsWith("| key"));
+    CHECK_THAT(done("stymo-train --head-mask --print-keys").out, Catch::StartsWith("| key"));
     CHECK(json::parse(done("stymo-train --print-keys --json").out).is_object());
 }
 

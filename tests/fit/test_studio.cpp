@@ -1,5 +1,6 @@
 #include <catch2/catch.hpp>
 #include <filesystem>
+#include <limits>
 
 #include "core/angle.h"
 #include "core/io/scratch_folder.h"
@@ -91,6 +92,16 @@ TEST_CASE("A studio says in one line what it cannot do", "[studio]") {
           }) == "the photo must have the shape (height, width, 3), not (8, 8)");
     CHECK(fails_with([&] { return studio.tune(studio.sample(1), 1.0); }) ==
           "only a face that was fitted to a photo here can be tuned to it");
+    StudioFace photographed = studio.sample(1);
+    photographed.photo.emplace();
+    CHECK(fails_with([&] {
+              return studio.tune(photographed, std::numeric_limits<double>::infinity());
+          }) == "tuning takes a finite number of seconds, not inf");
+    FitJobOptions endless = studio.fit_options();
+    endless.tuning.seconds = std::numeric_limits<double>::infinity();
+    CHECK(fails_with([&] {
+              return studio.fit(Tensor::zeros({8, 8, 3}), endless);
+          }) == "tuning takes a finite number of seconds, not inf");
     CHECK(fails_with([&] { return write(studio.sample(1), "a.json", "t.safetensors"), 0; }) ==
           "the face is not tuned; leave out t.safetensors");
     StudioFace face = studio.sample(1);

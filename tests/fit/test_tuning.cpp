@@ -89,6 +89,17 @@ TEST_CASE("A tuning without a learning rate has the usual one of its steps", "[t
     CHECK(usual.losses.back() != Approx(larger.losses.back()).epsilon(0.01));
 }
 
+TEST_CASE("A tuning without time for a step does one that changes the decoder", "[tuning]") {
+    const Case given;
+    for (const std::int64_t steps : {0, 100}) {
+        TuningResult result;
+        const Model tuned = given.tuned({.seconds = 1e-9, .steps = steps}, &result);
+        CHECK(result.losses.size() == 1);
+        CHECK(distance(image_of(tuned, given.codes, given.camera),
+                       image_of(given.original, given.codes, given.camera)) > 0.0);
+    }
+}
+
 TEST_CASE("the locality term keeps other faces as they were", "[tuning]") {
     const Case given;
     const Codes other = random_codes(1, 11);

@@ -17,6 +17,7 @@
 #include "support/check_close.h"
 #include "support/error_message.h"
 #include "support/thread_count.h"
+#include "train/plan.h"
 #include "train/tick.h"
 #include "train/tiny_training.h"
 #include "train/trainer.h"
@@ -85,6 +86,19 @@ void write_backbone_weights(const fs::path& path) {
 }
 
 }  // namespace
+
+TEST_CASE("a finished run that is resumed tells of no loss", "[trainer]") {
+    const ScratchFolder folder;
+    const RunFolder run(folder / "run", false);
+    const TrainingOutcome done = train(tiny_train_config(), folder / "run", 1);
+    CHECK_THAT(outcome_text(done, run), Catch::Contains("steps 1, loss "));
+    const TrainingOutcome outcome = train(tiny_train_config(), folder / "run", 1, 1);
+    CHECK(outcome.finished);
+    CHECK_FALSE(outcome.last_tick);
+    CHECK_THAT(outcome_text(outcome, run), !Catch::Contains("loss"));
+    CHECK_THAT(to_json(outcome, run).text(),
+               Catch::Contains(R"("loss":null,"reconstruction":null)"));
+}
 
 TEST_CASE("a run that stops and resumes gives the same bits as one that does not", "[trainer]") {
     const ScratchFolder folder;

@@ -155,6 +155,7 @@ export async function openFiles(files) {
 }
 
 let lastPhoto = null;
+let lastCover = null;  // of lastPhoto, for its other faces
 const which = document.getElementById("which");
 const number = which.querySelector("select");
 
@@ -166,7 +167,7 @@ export function offerFaces(count) {
   which.hidden = false;
 }
 
-number.onchange = () => endJob().then(() => fitPhoto(lastPhoto));
+number.onchange = () => endJob().then(() => fitPhoto(lastPhoto, lastCover));
 
 /// `cover`: a PNG mask that is white where something covers the face.
 export async function fitPhoto(file, cover = null) {
@@ -174,6 +175,7 @@ export async function fitPhoto(file, cover = null) {
   document.getElementById("welcome").hidden = true;
   if (file !== lastPhoto) which.hidden = true;
   lastPhoto = file;
+  lastCover = cover;
   document.getElementById("covered").disabled = false;
   const query = new URLSearchParams({ tune: document.getElementById("tune").value });
   if (!which.hidden) query.set("face", number.value);

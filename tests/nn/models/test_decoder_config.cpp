@@ -35,3 +35,9 @@ TEST_CASE("the largest side within a limit is one of the ladder, and never below
     CHECK(ladder.largest_within(200) == 128);
     CHECK(ladder.largest_within(1024) == 256);
 }
+
+TEST_CASE("a far plane in front of the near one is refused") {
+    DecoderConfig config;
+    std::swap(config.rays.near_z, config.rays.far_z);
+    CHECK_THROWS_WITH(ray_sampling(config), Catch::Contains("must be above decoder.far_z"));
+}
