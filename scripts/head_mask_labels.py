@@ -9,9 +9,9 @@ images, masks, unknown, persons and backgrounds, as train/head_mask_examples.h r
 Ids that begin with a --wall prefix stand before a plain wall: the outline and the person come from
 the distance to the wall's colour. Photos in --drop (one id a line) only give their background.
 Those in --short-hair have no hair below the jaw, only a suit of its colour. --mended has
-outlines of heads by hand, {"ID": [[x, y], ...]} in pixels. With --views, photos that are not before
-a wall have the masks of a network that learnt from earlier labels, known where it says the same of
-several views (head_mask_views.py).
+outlines of heads by hand, {"ID": [[x, y], ...]} in pixels. With --views, the masks are those of a
+network that learnt from earlier labels: as they are before a wall, elsewhere known where it says
+the same of several views (head_mask_views.py).
 """
 import argparse
 import json
@@ -87,14 +87,23 @@ def below_jaw(points):
     return zone > 0
 
 
+def softened(mask):
+    return cv2.GaussianBlur(mask, (3, 3), 0).astype(np.float32) / 255.0
+
+
+def outlined(head, mask, person):
+    """A head mask whose outline beside the wall is that of the person."""
+    if person is None:
+        return head
+    grown = cv2.dilate(mask, ellipse(4)) > 127
+    by_wall = cv2.dilate((person < 0.5).astype(np.uint8), ellipse(6)) > 0
+    return np.where(by_wall, person * grown, head)
+
+
 def label(image, mask, points, person, short_hair=False):
     """Head mask and unknown pixels, both in [0, 1]."""
-    head = cv2.GaussianBlur(mask, (3, 3), 0).astype(np.float32) / 255.0
+    head = outlined(softened(mask), mask, person)
     unknown = np.zeros((SIDE, SIDE), np.float32)
-    if person is not None:
-        grown = cv2.dilate(mask, ellipse(4)) > 127
-        by_wall = cv2.dilate((person < 0.5).astype(np.uint8), ellipse(6)) > 0
-        head = np.where(by_wall, person * grown, head)
     skin, hair = skin_and_hair(image, mask, points)
     under = below_jaw(points)
     depth = cv2.distanceTransform(under.astype(np.uint8), cv2.DIST_L2, 3)
@@ -215,7 +224,9 @@ def main():
         head, unknown = label(image, mask, points, person, name in short)
         if name in mended:
             head, unknown = outline_label(mended[name])
-        elif options.views and person is None:
+        elif options.views and person is not None:
+            head, unknown = outlined(softened(mask), mask, person), np.zeros((SIDE, SIDE))
+        elif options.views:
             both = views_label(options.views, name)
             if both is None:
                 continue

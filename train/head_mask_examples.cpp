@@ -44,35 +44,11 @@ void put(std::vector<std::uint8_t>& bytes, int channels, int first, const Tensor
               i % own] = byte_of(values[i]);
 }
 
-/// A map of the target's pixels to those of a source: turned, scaled, shifted, mirrored.
-struct Placement {
-    double cosine = 1.0, sine = 0.0, x = 0.0, y = 0.0;
-    bool mirrored = false;
-
-    [[nodiscard]] std::array<double, 2> source(int column, int row) const {
-        constexpr double middle = 0.5 * (picture_side - 1);
-        const double u = (mirrored ? middle - column : column - middle), v = row - middle;
-        return {middle + x + cosine * u - sine * v, middle + y + sine * u + cosine * v};
-    }
-};
-
-double between(Rng& rng, double low, double high) {
-    return low + (high - low) * rng.uniform();
-}
-
-Placement drawn_placement(double degrees, double scale, double shift, Rng& rng) {
-    const double angle = between(rng, -degrees, degrees) * std::numbers::pi / 180.0;
-    const double shrinking = std::pow(scale, between(rng, -1.0, 1.0));
-    return {shrinking * std::cos(angle), shrinking * std::sin(angle),
-            picture_side * between(rng, -shift, shift), picture_side * between(rng, -shift, shift),
-            rng.uniform() < 0.5};
-}
-
 /// The bilinear sample of a picture; pixels beyond its border repeat the border.
 template <int channels>
-std::array<float, channels> sample(std::span<const std::uint8_t> bytes, double x, double y) {
-    const double column = std::clamp(x, 0.0, picture_side - 1.001),
-                 row = std::clamp(y, 0.0, picture_side - 1.001);
+std::array<float, channels> sample(std::span<const std::uint8_t> bytes, const ImagePoint& point) {
+    const double column = std::clamp(point[0] * picture_side - 0.5, 0.0, picture_side - 1.001),
+                 row = std::clamp(point[1] * picture_side - 0.5, 0.0, picture_side - 1.001);
     const auto left = static_cast<std::size_t>(column), top = static_cast<std::size_t>(row);
     const auto right = static_cast<float>(column - static_cast<double>(left));
     const auto low = static_cast<float>(row - static_cast<double>(top));
@@ -87,58 +63,63 @@ std::array<float, channels> sample(std::span<const std::uint8_t> bytes, double x
     return values;
 }
 
-bool is_inside(const std::array<double, 2>& point) {
-    return point[0] >= 0.0 && point[0] <= picture_side - 1 && point[1] >= 0.0 &&
-           point[1] <= picture_side - 1;
+bool is_inside(const ImagePoint& point) {
+    return std::ranges::all_of(point, [](double x) { return x >= 0.0 && x <= 1.0; });
 }
 
-/// Changes the exposure and the balance of colours, and takes some of the colour away.
-class ColorChange {
+/// Of the pixel with this index, row by row.
+ImagePoint point_of(int pixel) {
+    return {(pixel % picture_side + 0.5) / picture_side,
+            (pixel / picture_side + 0.5) / picture_side};
+}
+
+void recolor(Pixel& pixel, const ColorChange& change) {
+    std::ranges::copy(change({pixel[0], pixel[1], pixel[2]}), pixel.begin());
+}
+
+/// A part of a picture, or a colour if the picture is empty.
+class Cloth {
 public:
-    ColorChange(double strength, Rng& rng)
-        : gamma_(static_cast<float>(std::exp(strength * between(rng, -1.5, 1.5)))),
-          saturation_(rng.uniform() < 0.1
-                          ? 0.0F
-                          : static_cast<float>(1.0 + strength * between(rng, -1.5, 1.0))) {
-        const double gain = between(rng, -1.0, 1.0);
-        for (float& factor : gains_)
-            factor =
-                static_cast<float>(std::exp(strength * (gain + 0.4 * between(rng, -1.0, 1.0))));
+    Cloth(std::span<const std::uint8_t> picture, Rng& rng)
+        : picture_(picture), placement_(180.0, 3.0, 0.4, rng) {
+        for (float& value : color_) value = static_cast<float>(rng.uniform());
     }
 
-    void apply(Pixel& pixel) const {
-        const float grey = 0.3F * pixel[0] + 0.59F * pixel[1] + 0.11F * pixel[2];
-        for (std::size_t c = 0; c < 3; ++c) {
-            const float value = grey + saturation_ * (pixel[c] - grey);
-            pixel[c] =
-                std::clamp(gains_[c] * std::pow(std::clamp(value, 0.0F, 1.0F), gamma_), 0.0F, 1.0F);
-        }
+    void paint(Pixel& pixel, const ImagePoint& point) const {
+        std::ranges::copy(picture_.empty() ? color_ : sample<3>(picture_, placement_.source(point)),
+                          pixel.begin());
     }
 
 private:
-    float gamma_;
-    float saturation_;
-    std::array<float, 3> gains_{};
+    std::span<const std::uint8_t> picture_;
+    ImagePlacement placement_;
+    std::array<float, 3> color_{};
 };
+
+/// A hat is not head. Hair beside it gives way to the background, or is not known.
+void put_on(const Hat& hat, const Cloth& cloth, const ImagePoint& point, bool moves, Pixel& pixel) {
+    switch (hat.part(point)) {
+        case Hat::Part::hat:
+            cloth.paint(pixel, point);
+            pixel[mask_channel] = 0.0F;
+            pixel[known_channel] = pixel[person_channel] = 1.0F;
+            break;
+        case Hat::Part::outside:
+            if (!moves && pixel[mask_channel] > 0.0F) pixel[known_channel] = 0.0F;
+            pixel[mask_channel] = pixel[person_channel] = 0.0F;
+            break;
+        case Hat::Part::shadow:
+            for (std::size_t c = 0; c < 3; ++c) pixel[c] *= 0.6F;
+            break;
+        case Hat::Part::none: break;
+    }
+}
 
 }  // namespace
 
 struct HeadMaskExamples::Example {
     std::vector<Pixel> pixels;
 };
-
-void HeadMaskVariation::describe(ConfigSchema& schema) {
-    schema.number("variation.background_share", background_share, 0.0, 1.0,
-                  "share of the cut-out people that get another background");
-    schema.number("variation.cover_share", cover_share, 0.0, 1.0,
-                  "share of the photos with something in front of the head");
-    schema.number("variation.degrees", degrees, 0.0, 180.0, "largest rotation");
-    schema.number("variation.scale", scale, 1.0, 4.0, "largest enlargement");
-    schema.number("variation.shift", shift, 0.0, 1.0, "largest shift, in units of the side");
-    schema.number("variation.color", color, 0.0, 1.0, "strength of the changes of colour");
-    schema.number("variation.blur_share", blur_share, 0.0, 1.0,
-                  "share of the photos that lose resolution");
-}
 
 HeadMaskExamples::HeadMaskExamples(const fs::path& folder) {
     const FolderScan scan = scan_folder(folder);
@@ -178,49 +159,42 @@ HeadMaskExamples::Picture HeadMaskExamples::read_photo(const fs::path& folder,
     return picture;
 }
 
+std::span<const std::uint8_t> HeadMaskExamples::drawn_cloth(Rng& rng) const {
+    if (backgrounds_.empty() || rng.uniform() < 0.5) return {};
+    return backgrounds_[static_cast<std::size_t>(rng.below(std::ssize(backgrounds_)))].bytes;
+}
+
+/// One of six is dark, as in a studio or at night.
 void HeadMaskExamples::change_background(Example& example, Rng& rng) const {
     const Picture& picture = backgrounds_[static_cast<std::size_t>(
         rng.below(static_cast<std::int64_t>(backgrounds_.size())))];
-    const Placement placement = drawn_placement(10.0, 2.0, 0.3, rng);
+    const ImagePlacement placement(10.0, 2.0, 0.3, rng);
     const ColorChange color(0.4, rng);
+    const auto light = static_cast<float>(rng.uniform() < 1.0 / 6.0 ? 0.4 * rng.uniform() : 1.0);
     for (int i = 0; i < picture_side * picture_side; ++i) {
         Pixel& pixel = example.pixels[static_cast<std::size_t>(i)];
-        const auto [x, y] = placement.source(i % picture_side, i / picture_side);
-        const std::array<float, 3> behind = sample<3>(picture.bytes, x, y);
-        Pixel changed{behind[0], behind[1], behind[2]};
-        color.apply(changed);
+        const std::array<float, 3> behind =
+            color(sample<3>(picture.bytes, placement.source(point_of(i))));
         const float person = pixel[person_channel];
         for (std::size_t c = 0; c < 3; ++c)
-            pixel[c] = person * pixel[c] + (1.0F - person) * changed[c];
+            pixel[c] = person * pixel[c] + (1.0F - person) * light * behind[c];
     }
 }
 
-/// Half of the covers lie where hats are, the others anywhere.
 void HeadMaskExamples::cover(Example& example, Rng& rng) const {
-    const bool hat = rng.uniform() < 0.5, box = rng.uniform() < 0.5;
-    const double width = picture_side * (hat ? between(rng, 0.2, 0.45) : between(rng, 0.05, 0.25));
-    const double height =
-        picture_side * (hat ? between(rng, 0.06, 0.18) : between(rng, 0.05, 0.25));
-    const double x = picture_side * (hat ? between(rng, 0.35, 0.65) : between(rng, 0.1, 0.9));
-    const double y = picture_side * (hat ? between(rng, 0.0, 0.25) : between(rng, 0.2, 1.0));
-    const double angle = hat ? between(rng, -0.3, 0.3) : between(rng, 0.0, std::numbers::pi);
+    const bool box = rng.uniform() < 0.5;
+    const double width = between(rng, 0.05, 0.25), height = between(rng, 0.05, 0.25);
+    const double x = between(rng, 0.1, 0.9), y = between(rng, 0.2, 1.0);
+    const double angle = between(rng, 0.0, std::numbers::pi);
     const double cosine = std::cos(angle), sine = std::sin(angle);
-    const bool plain = backgrounds_.empty() || rng.uniform() < 0.5;
-    Pixel paint{};
-    for (std::size_t c = 0; c < 3; ++c) paint[c] = static_cast<float>(rng.uniform());
-    const Placement texture = drawn_placement(180.0, 3.0, 0.4, rng);
-    const std::size_t from =
-        plain ? 0 : static_cast<std::size_t>(rng.below(std::ssize(backgrounds_)));
+    const Cloth cloth(drawn_cloth(rng), rng);
     for (int i = 0; i < picture_side * picture_side; ++i) {
-        const double u = (cosine * (i % picture_side - x) + sine * (i / picture_side - y)) / width;
-        const double v = (cosine * (i / picture_side - y) - sine * (i % picture_side - x)) / height;
+        const ImagePoint point = point_of(i);
+        const double u = (cosine * (point[0] - x) + sine * (point[1] - y)) / width;
+        const double v = (cosine * (point[1] - y) - sine * (point[0] - x)) / height;
         if (box ? std::max(std::abs(u), std::abs(v)) > 1.0 : u * u + v * v > 1.0) continue;
         Pixel& pixel = example.pixels[static_cast<std::size_t>(i)];
-        if (!plain) {
-            const auto [column, row] = texture.source(i % picture_side, i / picture_side);
-            std::ranges::copy(sample<3>(backgrounds_[from].bytes, column, row), paint.begin());
-        }
-        std::copy_n(paint.begin(), 3, pixel.begin());
+        cloth.paint(pixel, point);
         pixel[mask_channel] = 0.0F;
         pixel[known_channel] = 1.0F;
     }
@@ -229,22 +203,28 @@ void HeadMaskExamples::cover(Example& example, Rng& rng) const {
 HeadMaskExamples::Example HeadMaskExamples::varied(const HeadMaskVariation& variation,
                                                    Rng& rng) const {
     const Picture& photo = photos_[static_cast<std::size_t>(rng.below(std::ssize(photos_)))];
-    const Placement placement =
-        drawn_placement(variation.degrees, variation.scale, variation.shift, rng);
+    const ImagePlacement placement(variation.degrees, variation.scale, variation.shift, rng);
     const ColorChange own_color(0.5 * variation.color, rng), color(variation.color, rng);
     const bool moves =
         photo.has_person && !backgrounds_.empty() && rng.uniform() < variation.background_share;
+    const bool has_more_hair = rng.uniform() < variation.hair_share;
+    const bool has_hat = rng.uniform() < variation.hat_share;
+    const LargerHair hair(rng);
+    const Hat hat(rng);
+    const Cloth cloth(drawn_cloth(rng), rng);
     Example example{std::vector<Pixel>(std::size_t{picture_side} * picture_side)};
     for (int i = 0; i < picture_side * picture_side; ++i) {
-        const auto source = placement.source(i % picture_side, i / picture_side);
+        const ImagePoint aligned = placement.source(point_of(i));
+        const ImagePoint source = has_more_hair ? hair.source(aligned) : aligned;
         Pixel& pixel = example.pixels[static_cast<std::size_t>(i)];
-        pixel = sample<photo_channels>(photo.bytes, source[0], source[1]);
-        if (moves) own_color.apply(pixel);
+        pixel = sample<photo_channels>(photo.bytes, source);
         if (!is_inside(source)) pixel[known_channel] = 0.0F;
+        if (has_hat) put_on(hat, cloth, aligned, moves, pixel);
+        if (moves) recolor(pixel, own_color);
     }
     if (moves) change_background(example, rng);
     if (rng.uniform() < variation.cover_share) cover(example, rng);
-    for (Pixel& pixel : example.pixels) color.apply(pixel);
+    for (Pixel& pixel : example.pixels) recolor(pixel, color);
     return example;
 }
 

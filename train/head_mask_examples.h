@@ -3,28 +3,16 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <span>
 #include <vector>
 
-#include "core/config.h"
 #include "core/rng.h"
 #include "core/tensor.h"
 #include "train/data/folder_scan.h"
 #include "train/data/image_files.h"
+#include "train/head_mask_variation.h"
 
 namespace stymo {
-
-/// How photos are varied for the training of a head-mask network.
-struct HeadMaskVariation {
-    double background_share = 0.5;  ///< share of the cut-out people that get another background
-    double cover_share = 0.4;       ///< share of the photos with something in front of the head
-    double degrees = 20.0;          ///< largest rotation
-    double scale = 1.25;            ///< largest enlargement, and 1 / the smallest one
-    double shift = 0.08;            ///< largest shift, in units of the side
-    double color = 0.3;             ///< strength of changes of brightness, contrast and colour
-    double blur_share = 0.35;       ///< share of the photos that lose resolution
-
-    void describe(ConfigSchema& schema);
-};
 
 /// What a head-mask network learns from, in memory: photos of HeadMaskNetwork::usual_side with
 /// masks, 0.4 megabytes each.
@@ -44,9 +32,9 @@ public:
 
     [[nodiscard]] std::size_t size() const { return photos_.size(); }
     [[nodiscard]] const std::vector<BrokenFile>& left_out() const { return left_out_; }
-    /// Examples drawn with replacement and varied: mirrored, turned, scaled and shifted, with other
-    /// backgrounds, partly covered, in other colours, blurred and noisy. The same `rng` gives the
-    /// same batch.
+    /// Examples drawn with replacement and varied: mirrored, turned, scaled and shifted, with
+    /// larger hair, hats and other backgrounds, partly covered, in other colours, blurred and
+    /// noisy. The same `rng` gives the same batch.
     [[nodiscard]] Batch draw(std::int64_t count, const HeadMaskVariation& variation,
                              const Rng& rng) const;
 
@@ -63,6 +51,8 @@ private:
     [[nodiscard]] Example varied(const HeadMaskVariation& variation, Rng& rng) const;
     void change_background(Example& example, Rng& rng) const;
     void cover(Example& example, Rng& rng) const;
+    /// What hats and covers are made of: a background, or nothing for a plain colour.
+    [[nodiscard]] std::span<const std::uint8_t> drawn_cloth(Rng& rng) const;
 
     std::vector<BrokenFile> left_out_;  ///< of the folder: what is no image
     std::vector<Picture> photos_;       ///< red, green, blue, mask, known, person

@@ -1,5 +1,8 @@
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <catch2/catch.hpp>
+#include <numbers>
 
 #include "core/error.h"
 #include "core/io/file.h"
@@ -30,6 +33,8 @@ void write_examples(const std::filesystem::path& folder) {
 }
 
 constexpr HeadMaskVariation still{.background_share = 1.0,
+                                  .hair_share = 0.0,
+                                  .hat_share = 0.0,
                                   .cover_share = 0.0,
                                   .degrees = 0.0,
                                   .scale = 1.0,
@@ -55,15 +60,53 @@ TEST_CASE("A cut-out person gets another background, and its mask moves with the
     }
     CHECK(red / static_cast<double>(masks.size()) > 0.05);
     CHECK(examples.draw(4, still, Rng(1)).images.to_vector() == batch.images.to_vector());
-    HeadMaskVariation covered = still;
-    covered.cover_share = 1.0;
     const auto sum = [](const Tensor& mask) {
         double total = 0.0;
         for (const float value : mask.values<float>()) total += static_cast<double>(value);
         return total;
     };
-    CHECK(sum(examples.draw(8, covered, Rng(1)).masks) <
-          sum(examples.draw(8, still, Rng(1)).masks));
+    const double before = sum(examples.draw(8, still, Rng(1)).masks);
+    for (const auto share : {&HeadMaskVariation::cover_share, &HeadMaskVariation::hat_share}) {
+        HeadMaskVariation covered = still;
+        covered.*share = 1.0;
+        CHECK(sum(examples.draw(8, covered, Rng(1)).masks) < before);
+    }
+}
+
+TEST_CASE("Larger hair moves what is beside the face outwards, and nothing of the face") {
+    Rng rng(3);
+    const LargerHair hair(rng);
+    for (const ImagePoint face : {ImagePoint{0.5, 0.3}, ImagePoint{0.4, 0.6}, ImagePoint{0.6, 0.8}})
+        CHECK(hair.source(face) == face);
+    double outwards = 0.0, last = 0.0;
+    for (int i = 0; i < 360; ++i) {
+        const double angle = i * std::numbers::pi / 180.0;
+        const ImagePoint beside{0.5 + 0.45 * std::cos(angle), 0.53 + 0.45 * std::sin(angle)};
+        const ImagePoint source = hair.source(beside);
+        const double factor = 0.45 / std::hypot(source[0] - 0.5, source[1] - 0.53);
+        if (i > 0) CHECK(std::abs(factor - last) < 0.1);  // the outline has no steps
+        outwards += factor / 360.0;
+        last = factor;
+    }
+    CHECK(outwards > 1.05);
+}
+
+TEST_CASE("A hat has its shadow below it and nothing of the head above it") {
+    for (std::uint64_t seed = 0; seed < 20; ++seed) {
+        Rng rng(seed);
+        const Hat hat(rng);
+        int last = 0;
+        for (double y = 0.0; y < 1.0; y += 0.002) {
+            const Hat::Part part = hat.part({0.5, y});
+            const int rank = part == Hat::Part::outside  ? 0
+                             : part == Hat::Part::hat    ? 1
+                             : part == Hat::Part::shadow ? 2
+                                                         : 3;
+            CHECK(rank >= last);
+            last = rank;
+        }
+        CHECK(last == 3);
+    }
 }
 
 TEST_CASE("A training of head masks that pauses gives the same network") {

@@ -1,0 +1,121 @@
+#include "train/head_mask_variation.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <numbers>
+
+namespace stymo {
+namespace {
+
+constexpr ImagePoint middle{0.5, 0.5};
+/// The face with its forehead in FFHQ's square.
+constexpr ImagePoint face_center{0.5, 0.53};
+constexpr ImagePoint face_radius{0.27, 0.35};
+
+}  // namespace
+
+double between(Rng& rng, double low, double high) {
+    return low + (high - low) * rng.uniform();
+}
+
+void HeadMaskVariation::describe(ConfigSchema& schema) {
+    schema.number("variation.background_share", background_share, 0.0, 1.0,
+                  "share of the cut-out people that get another background");
+    schema.number("variation.hair_share", hair_share, 0.0, 1.0,
+                  "share of the photos whose hair is made larger");
+    schema.number("variation.hat_share", hat_share, 0.0, 1.0, "share of the photos that get a hat");
+    schema.number("variation.cover_share", cover_share, 0.0, 1.0,
+                  "share of the photos with something in front of the head");
+    schema.number("variation.degrees", degrees, 0.0, 180.0, "largest rotation");
+    schema.number("variation.scale", scale, 1.0, 4.0, "largest enlargement");
+    schema.number("variation.shift", shift, 0.0, 1.0, "largest shift, in units of the side");
+    schema.number("variation.color", color, 0.0, 1.0, "strength of the changes of colour");
+    schema.number("variation.blur_share", blur_share, 0.0, 1.0,
+                  "share of the photos that lose resolution");
+}
+
+ImagePlacement::ImagePlacement(double degrees, double scale, double shift, Rng& rng) {
+    const double angle = between(rng, -degrees, degrees) * std::numbers::pi / 180.0;
+    const double shrinking = std::pow(scale, between(rng, -1.0, 1.0));
+    cosine_ = shrinking * std::cos(angle);
+    sine_ = shrinking * std::sin(angle);
+    x_ = between(rng, -shift, shift);
+    y_ = between(rng, -shift, shift);
+    mirrored_ = rng.uniform() < 0.5;
+}
+
+ImagePoint ImagePlacement::source(const ImagePoint& point) const {
+    const double u = mirrored_ ? middle[0] - point[0] : point[0] - middle[0];
+    const double v = point[1] - middle[1];
+    return {middle[0] + x_ + cosine_ * u - sine_ * v, middle[1] + y_ + sine_ * u + cosine_ * v};
+}
+
+LargerHair::LargerHair(Rng& rng) : logarithm_(std::log(between(rng, 1.2, 2.6))) {
+    for (std::size_t i = 0; i < waves_.size(); ++i) {
+        const double frequency = std::array{1.0, 2.0, 5.0, 11.0}[i];
+        waves_[i] = {frequency, between(rng, 0.0, 2.0 * std::numbers::pi),
+                     between(rng, 0.0, 0.6 / std::sqrt(frequency))};
+    }
+}
+
+ImagePoint LargerHair::source(const ImagePoint& point) const {
+    const double u = (point[0] - face_center[0]) / face_radius[0];
+    const double v = (point[1] - face_center[1]) / face_radius[1];
+    const double radius = std::hypot(u, v);
+    if (radius <= 1.0) return point;
+    const double angle = std::atan2(v, u);
+    double stretch = 0.5;
+    for (const Wave& wave : waves_)
+        stretch += wave.height * std::sin(wave.frequency * angle + wave.phase);
+    const double factor = std::exp(logarithm_ * std::clamp(stretch, -0.2, 1.0));
+    const double scale = (1.0 + (radius - 1.0) / factor) / radius;
+    return {face_center[0] + scale * (point[0] - face_center[0]),
+            face_center[1] + scale * (point[1] - face_center[1])};
+}
+
+Hat::Hat(Rng& rng)
+    : x_(between(rng, 0.46, 0.54)),
+      brim_(between(rng, 0.18, 0.38)),
+      tilt_(between(rng, -0.25, 0.25)),
+      width_(between(rng, 0.26, 0.38)),
+      crown_top_(brim_ - between(rng, 0.15, 0.45)),
+      taper_(between(rng, 0.5, 1.1)),
+      brim_width_(rng.uniform() < 0.4 ? width_ : width_ * between(rng, 1.0, 2.0)),
+      thickness_(between(rng, 0.01, 0.07)),
+      bend_(between(rng, -0.5, 0.8)),
+      shadow_(between(rng, 0.0, 0.15)) {}
+
+Hat::Part Hat::part(const ImagePoint& point) const {
+    const double u = point[0] - x_;
+    const double v = point[1] - brim_ - tilt_ * u + bend_ * (u * u - 0.25 * width_ * width_);
+    const double height = brim_ - crown_top_;
+    const double up = std::clamp(-v / height, 0.0, 1.0);
+    const double half = width_ * (1.0 + (taper_ - 1.0) * up) * std::sqrt(1.0 - up * up * up);
+    if (std::abs(v) <= thickness_ && std::abs(u) <= brim_width_) return Part::hat;
+    if (v <= 0.0 && -v <= height && std::abs(u) <= half) return Part::hat;
+    if (v < 0.0) return Part::outside;
+    return v <= thickness_ + shadow_ && std::abs(u) <= brim_width_ ? Part::shadow : Part::none;
+}
+
+ColorChange::ColorChange(double strength, Rng& rng)
+    : gamma_(static_cast<float>(std::exp(strength * between(rng, -1.5, 1.5)))),
+      saturation_(rng.uniform() < 0.1
+                      ? 0.0F
+                      : static_cast<float>(1.0 + strength * between(rng, -1.5, 1.0))) {
+    const double gain = between(rng, -1.0, 1.0);
+    for (float& factor : gains_)
+        factor = static_cast<float>(std::exp(strength * (gain + 0.4 * between(rng, -1.0, 1.0))));
+}
+
+std::array<float, 3> ColorChange::operator()(const std::array<float, 3>& color) const {
+    const float grey = 0.3F * color[0] + 0.59F * color[1] + 0.11F * color[2];
+    std::array<float, 3> changed{};
+    for (std::size_t c = 0; c < 3; ++c) {
+        const float value = std::clamp(grey + saturation_ * (color[c] - grey), 0.0F, 1.0F);
+        changed[c] = std::clamp(gains_[c] * std::pow(value, gamma_), 0.0F, 1.0F);
+    }
+    return changed;
+}
+
+}  // namespace stymo
