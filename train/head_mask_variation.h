@@ -10,8 +10,8 @@ namespace stymo {
 /// How photos are varied for the training of a head-mask network.
 struct HeadMaskVariation {
     double background_share = 0.5;  ///< share of the cut-out people that get another background
-    double hair_share = 0.4;        ///< share of the photos whose hair is made larger
-    double hat_share = 0.1;         ///< share of the photos that get a hat
+    double hair_share = 0.3;        ///< share of the photos whose hair is made larger
+    double hat_share = 0.03;        ///< share of the photos that get a hat
     double cover_share = 0.25;      ///< share of the photos with something in front of the head
     double degrees = 20.0;          ///< largest rotation
     double scale = 1.25;            ///< largest enlargement, and 1 / the smallest one
