@@ -121,7 +121,7 @@ std::int64_t Rng::below(std::int64_t bound) {
 Tensor Rng::uniform(const Shape& shape, double low, double high, DType dtype) {
     return filled(shape, dtype, [&](auto zero) {
         using Value = decltype(zero);
-        const auto value = static_cast<Value>(low + (high - low) * uniform());
+        const auto value = static_cast<Value>(uniform(low, high));
         // Rounding may reach `high`, which is outside the interval.
         return value < static_cast<Value>(high)
                    ? value

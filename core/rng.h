@@ -38,6 +38,8 @@ public:
     [[nodiscard]] std::uint64_t bits();
     /// Uniform in [0, 1), 53 random bits.
     [[nodiscard]] double uniform();
+    /// Uniform in [low, high).
+    [[nodiscard]] double uniform(double low, double high) { return low + (high - low) * uniform(); }
     /// Standard normal.
     [[nodiscard]] double normal();
     /// Uniform integer in [0, bound). Throws ValueError unless `bound` is positive.

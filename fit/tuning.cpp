@@ -54,10 +54,6 @@ struct Anchor {
     Tensor significant{};  ///< as for a photo
 };
 
-double uniform(Rng& rng, double low, double high) {
-    return low + (high - low) * rng.uniform();
-}
-
 class Tuning {
 public:
     Tuning(const Model& original, Model& tuned, const ReconstructionLoss& loss,
@@ -194,8 +190,8 @@ private:
         const std::int64_t row = number / 3 % codes_.batch();
         Anchor anchor{row, !neighbour, codes_of_face(codes_, row), {}, {}};
         if (neighbour) anchor.codes = add(anchor.codes, random_offset());
-        const double yaw = uniform(rng_, -largest_yaw, largest_yaw);
-        const double pitch = uniform(rng_, -largest_pitch, largest_pitch);
+        const double yaw = rng_.uniform(-largest_yaw, largest_yaw);
+        const double pitch = rng_.uniform(-largest_pitch, largest_pitch);
         anchor.camera =
             model_camera(original_, radians_from_degrees(yaw), radians_from_degrees(pitch), 0.0);
         const Decoder& decoder = original_.decoder();

@@ -38,7 +38,7 @@ public:
     void set_probability(double probability) { probability_ = probability; }
     /// Returns `without` if the transformation is not applied.
     double uniform(double low, double high, double without) {
-        return chosen(low + (high - low) * rng_.uniform(), without);
+        return chosen(rng_.uniform(low, high), without);
     }
     double whole(double bound, double without) {
         return chosen(std::floor(bound * rng_.uniform()), without);

@@ -183,9 +183,9 @@ void HeadMaskExamples::change_background(Example& example, Rng& rng) const {
 
 void HeadMaskExamples::cover(Example& example, Rng& rng) const {
     const bool box = rng.uniform() < 0.5;
-    const double width = between(rng, 0.05, 0.25), height = between(rng, 0.05, 0.25);
-    const double x = between(rng, 0.1, 0.9), y = between(rng, 0.2, 1.0);
-    const double angle = between(rng, 0.0, std::numbers::pi);
+    const double width = rng.uniform(0.05, 0.25), height = rng.uniform(0.05, 0.25);
+    const double x = rng.uniform(0.1, 0.9), y = rng.uniform(0.2, 1.0);
+    const double angle = rng.uniform(0.0, std::numbers::pi);
     const double cosine = std::cos(angle), sine = std::sin(angle);
     const Cloth cloth(drawn_cloth(rng), rng);
     for (int i = 0; i < picture_side * picture_side; ++i) {
@@ -249,7 +249,7 @@ HeadMaskExamples::Batch HeadMaskExamples::draw(std::int64_t count,
             known[first + i] = example.pixels[i][known_channel];
         }
         if (draws.uniform() < variation.blur_share) {
-            const auto coarse = static_cast<int>(between(draws, 0.2, 0.8) * picture_side);
+            const auto coarse = static_cast<int>(draws.uniform(0.2, 0.8) * picture_side);
             image = resize_image(resize_image(image, coarse, coarse), picture_side, picture_side);
         }
         const double noise = 0.05 * std::pow(draws.uniform(), 3.0);

@@ -15,10 +15,6 @@ constexpr ImagePoint face_radius{0.27, 0.35};
 
 }  // namespace
 
-double between(Rng& rng, double low, double high) {
-    return low + (high - low) * rng.uniform();
-}
-
 void HeadMaskVariation::describe(ConfigSchema& schema) {
     schema.number("variation.background_share", background_share, 0.0, 1.0,
                   "share of the cut-out people that get another background");
@@ -36,12 +32,12 @@ void HeadMaskVariation::describe(ConfigSchema& schema) {
 }
 
 ImagePlacement::ImagePlacement(double degrees, double scale, double shift, Rng& rng) {
-    const double angle = between(rng, -degrees, degrees) * std::numbers::pi / 180.0;
-    const double shrinking = std::pow(scale, between(rng, -1.0, 1.0));
+    const double angle = rng.uniform(-degrees, degrees) * std::numbers::pi / 180.0;
+    const double shrinking = std::pow(scale, rng.uniform(-1.0, 1.0));
     cosine_ = shrinking * std::cos(angle);
     sine_ = shrinking * std::sin(angle);
-    x_ = between(rng, -shift, shift);
-    y_ = between(rng, -shift, shift);
+    x_ = rng.uniform(-shift, shift);
+    y_ = rng.uniform(-shift, shift);
     mirrored_ = rng.uniform() < 0.5;
 }
 
@@ -51,11 +47,11 @@ ImagePoint ImagePlacement::source(const ImagePoint& point) const {
     return {middle[0] + x_ + cosine_ * u - sine_ * v, middle[1] + y_ + sine_ * u + cosine_ * v};
 }
 
-LargerHair::LargerHair(Rng& rng) : logarithm_(std::log(between(rng, 1.2, 2.6))) {
+LargerHair::LargerHair(Rng& rng) : logarithm_(std::log(rng.uniform(1.2, 2.6))) {
     for (std::size_t i = 0; i < waves_.size(); ++i) {
         const double frequency = std::array{1.0, 2.0, 5.0, 11.0}[i];
-        waves_[i] = {frequency, between(rng, 0.0, 2.0 * std::numbers::pi),
-                     between(rng, 0.0, 0.6 / std::sqrt(frequency))};
+        waves_[i] = {frequency, rng.uniform(0.0, 2.0 * std::numbers::pi),
+                     rng.uniform(0.0, 0.6 / std::sqrt(frequency))};
     }
 }
 
@@ -75,16 +71,16 @@ ImagePoint LargerHair::source(const ImagePoint& point) const {
 }
 
 Hat::Hat(Rng& rng)
-    : x_(between(rng, 0.46, 0.54)),
-      brim_(between(rng, 0.18, 0.38)),
-      tilt_(between(rng, -0.25, 0.25)),
-      width_(between(rng, 0.26, 0.38)),
-      crown_top_(brim_ - between(rng, 0.15, 0.45)),
-      taper_(between(rng, 0.5, 1.1)),
-      brim_width_(rng.uniform() < 0.4 ? width_ : width_ * between(rng, 1.0, 2.0)),
-      thickness_(between(rng, 0.01, 0.07)),
-      bend_(between(rng, -0.5, 0.8)),
-      shadow_(between(rng, 0.0, 0.15)) {}
+    : x_(rng.uniform(0.46, 0.54)),
+      brim_(rng.uniform(0.18, 0.38)),
+      tilt_(rng.uniform(-0.25, 0.25)),
+      width_(rng.uniform(0.26, 0.38)),
+      crown_top_(brim_ - rng.uniform(0.15, 0.45)),
+      taper_(rng.uniform(0.5, 1.1)),
+      brim_width_(rng.uniform() < 0.4 ? width_ : width_ * rng.uniform(1.0, 2.0)),
+      thickness_(rng.uniform(0.01, 0.07)),
+      bend_(rng.uniform(-0.5, 0.8)),
+      shadow_(rng.uniform(0.0, 0.15)) {}
 
 Hat::Part Hat::part(const ImagePoint& point) const {
     const double u = point[0] - x_;
@@ -99,13 +95,13 @@ Hat::Part Hat::part(const ImagePoint& point) const {
 }
 
 ColorChange::ColorChange(double strength, Rng& rng)
-    : gamma_(static_cast<float>(std::exp(strength * between(rng, -1.5, 1.5)))),
+    : gamma_(static_cast<float>(std::exp(strength * rng.uniform(-1.5, 1.5)))),
       saturation_(rng.uniform() < 0.1
                       ? 0.0F
-                      : static_cast<float>(1.0 + strength * between(rng, -1.5, 1.0))) {
-    const double gain = between(rng, -1.0, 1.0);
+                      : static_cast<float>(1.0 + strength * rng.uniform(-1.5, 1.0))) {
+    const double gain = rng.uniform(-1.0, 1.0);
     for (float& factor : gains_)
-        factor = static_cast<float>(std::exp(strength * (gain + 0.4 * between(rng, -1.0, 1.0))));
+        factor = static_cast<float>(std::exp(strength * (gain + 0.4 * rng.uniform(-1.0, 1.0))));
 }
 
 std::array<float, 3> ColorChange::operator()(const std::array<float, 3>& color) const {

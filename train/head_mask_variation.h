@@ -22,9 +22,6 @@ struct HeadMaskVariation {
     void describe(ConfigSchema& schema);
 };
 
-/// A number drawn from [low, high).
-[[nodiscard]] double between(Rng& rng, double low, double high);
-
 /// A point of an image in units of its side: (0, 0) is the upper left corner, y goes down.
 using ImagePoint = std::array<double, 2>;
 

@@ -233,9 +233,15 @@ void FaceRenderer::show(const Codes& codes, std::int64_t index) {
     for (std::size_t group = 0; group < changed.size(); ++group)
         state.z.groups[group] = Tensor::from({1, code_sizes[group]}, state.shown[group]);
     if (!state.field) return;
-    state.w = detached(state.model.decoder().map(state.z));
-    if (changed[0] || changed[1]) state.fold_field();
-    if (changed[2] || changed[3]) state.fold_blocks();
+    try {
+        state.w = detached(state.model.decoder().map(state.z));
+        if (changed[0] || changed[1]) state.fold_field();
+        if (changed[2] || changed[3]) state.fold_blocks();
+    } catch (...) {
+        // Nothing is shown then, so that the next call folds all layers.
+        for (std::vector<float>& group : state.shown) group.clear();
+        throw;
+    }
 }
 
 View FaceRenderer::render(const Camera& camera) {

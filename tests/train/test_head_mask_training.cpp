@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <catch2/catch.hpp>
+#include <cmath>
 #include <numbers>
 
 #include "core/error.h"

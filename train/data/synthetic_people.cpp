@@ -15,13 +15,9 @@ namespace {
 
 using synthetic::truncated_normal;
 
-[[nodiscard]] double uniform(Rng& rng, double low, double high) {
-    return low + (high - low) * rng.uniform();
-}
-
 /// A brightness and a slight colour.
 [[nodiscard]] Eigen::Vector3f sample_tint(Rng& rng, double low, double high, double color) {
-    const double brightness = uniform(rng, low, high);
+    const double brightness = rng.uniform(low, high);
     Eigen::Vector3f tint;
     for (float& channel : tint)
         channel = static_cast<float>(brightness * (1.0 + truncated_normal(rng, color, 2 * color)));
@@ -69,7 +65,7 @@ using synthetic::truncated_normal;
             rng.uniform() < 0.4
                 ? frequent[static_cast<std::size_t>(rng.below(std::ssize(frequent)))]
                 : names[static_cast<std::size_t>(rng.below(std::ssize(names)))];
-        add(name, k == 0 ? uniform(rng, 0.3, 1.0) : uniform(rng, 0.1, 0.6));
+        add(name, k == 0 ? rng.uniform(0.3, 1.0) : rng.uniform(0.1, 0.6));
     }
     return weights;
 }
@@ -81,7 +77,7 @@ using synthetic::truncated_normal;
         return radians_from_degrees(truncated_normal(rng, deviation, limit));
     };
     const double yaw =
-        is_frontal ? angle(14.0, 35.0) : radians_from_degrees(uniform(rng, -80.0, 80.0));
+        is_frontal ? angle(14.0, 35.0) : radians_from_degrees(rng.uniform(-80.0, 80.0));
     const double pitch = is_frontal ? angle(6.0, 15.0) : angle(9.0, 20.0);
     const double roll = angle(2.0, 5.0);
     const double distance = 5.25 + truncated_normal(rng, 0.1, 0.2);
@@ -121,11 +117,10 @@ using synthetic::truncated_normal;
     const auto colors = [&](double middle, double range) {
         Eigen::Array3f result;
         for (float& channel : result)
-            channel =
-                static_cast<float>(std::clamp(middle + uniform(rng, -range, range), 0.0, 1.0));
+            channel = static_cast<float>(std::clamp(middle + rng.uniform(-range, range), 0.0, 1.0));
         return result;
     };
-    const double grey = uniform(rng, 0.1, 0.95);
+    const double grey = rng.uniform(0.1, 0.95);
     const Eigen::Array3f above = colors(grey, 0.15), below = colors(grey, 0.15);
     const std::int64_t side = drawn.coverage.shape(0);
     synthetic::WrittenFace face{Tensor({side, side, 3}), Tensor({side, side, 1}), {}};
