@@ -44,13 +44,6 @@ std::vector<std::int32_t> pieces_of(std::int64_t vertex_count,
     return parent;
 }
 
-double enclosed_volume(const TriangleMesh& mesh) {
-    double sum = 0.0;
-    for (const std::array<std::int32_t, 3>& triangle : mesh.triangles)
-        sum += signed_volume(mesh.vertices.values<float>(), triangle);
-    return sum / 6.0;
-}
-
 TriangleMesh largest_piece(const TriangleMesh& mesh) {
     if (mesh.triangles.empty()) return mesh;
     const std::span<const float> vertices = mesh.vertices.values<float>();

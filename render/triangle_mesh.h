@@ -34,7 +34,4 @@ struct TriangleMesh {
 /// pieces.
 [[nodiscard]] TriangleMesh largest_piece(const TriangleMesh& mesh);
 
-/// Volume enclosed by a closed mesh.
-[[nodiscard]] double enclosed_volume(const TriangleMesh& mesh);
-
 }  // namespace stymo

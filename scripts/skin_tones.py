@@ -2,7 +2,7 @@
 """Scores of stymo-eval by skin tone, as a Markdown table.
 
 usage: skin_tones.py SCORES FOLDER [SCORE]; SCORES is the scores.jsonl of stymo-eval, FOLDER has the
-photos' images/ and CelebAMask-HQ's class maps in parsing/. SCORE is a key of `head.fitted` (psnr).
+photos' images/ and CelebAMask-HQ's class maps in parsing/. SCORE is a score of the head (psnr).
 
 A photo's tone is its individual typology angle, atan((L - 50) / b) of the medians of the skin's CIE
 L* and b* (D65), in the classes of Chardon et al. 1991. Hard or coloured light moves it.
@@ -47,12 +47,16 @@ def main():
         skin = numpy.isin(classes, (SKIN, NOSE))
         angle = typology_angle(numpy.asarray(image)[skin] / 255.0)
         name = next(name for name, lowest in CLASSES if angle >= lowest)
-        groups[name].append([face["head"][codes][score] for codes in ("initial", "fitted")])
-    print(f"| skin | photos | {score} initial | {score} fitted |\n|---|---|---|---|")
+        stages = [codes for codes in ("initial", "fitted", "tuned") if codes in face["head"]]
+        scores = [face["head"][codes][score] for codes in stages]
+        if None not in scores:
+            groups[name].append(scores)
+    print("| skin | photos |" + "".join(f" {score} {codes} |" for codes in stages))
+    print("|---|---|" + "---|" * len(stages))
     for name, values in groups.items():
         if values:
-            initial, fitted = numpy.mean(values, axis=0)
-            print(f"| {name} | {len(values)} | {initial:.3f} | {fitted:.3f} |")
+            means = "".join(f" {mean:.3f} |" for mean in numpy.mean(values, axis=0))
+            print(f"| {name} | {len(values)} |{means}")
 
 
 if __name__ == "__main__":

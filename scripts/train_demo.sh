@@ -25,6 +25,10 @@ if [[ -e "$out" ]]; then
     exit 1
 fi
 
+mkdir -p "$out"
+# An attempt that failed must not keep the next one from using the folder.
+trap '[[ -e "$out/orbit.gif" ]] || rm -rf "$out"' EXIT
+
 total_seconds=600
 reserve_seconds=75 # for fitting and rendering
 heads=600

@@ -96,6 +96,14 @@ private:
     std::array<float, 3> color_{};
 };
 
+/// Glasses are head.
+void put_on(const Glasses& glasses, const ImagePoint& point, Pixel& pixel) {
+    const Glasses::Paint paint = glasses.paint(point);
+    if (paint.opacity == 0.0F || (paint.temple && pixel[mask_channel] < 0.5F)) return;
+    for (std::size_t c = 0; c < 3; ++c) pixel[c] += paint.opacity * (paint.color[c] - pixel[c]);
+    pixel[mask_channel] = pixel[known_channel] = pixel[person_channel] = 1.0F;
+}
+
 /// A hat is not head. Hair beside it gives way to the background, or is not known.
 void put_on(const Hat& hat, const Cloth& cloth, const ImagePoint& point, bool moves, Pixel& pixel) {
     switch (hat.part(point)) {
@@ -122,6 +130,9 @@ struct HeadMaskExamples::Example {
 };
 
 HeadMaskExamples::HeadMaskExamples(const fs::path& folder) {
+    // Else a folder of people would count as photos.
+    if (!fs::is_directory(folder / "images"))
+        fail<FileError>(folder.string(), ": has no folder images");
     const FolderScan scan = scan_folder(folder);
     left_out_ = scan.left_out;
     photos_.resize(scan.faces.size());
@@ -144,18 +155,21 @@ HeadMaskExamples::Picture HeadMaskExamples::read_photo(const fs::path& folder,
                         ": has no mask; a head-mask network learns from masks");
     Picture picture{
         std::vector<std::uint8_t>(std::size_t{picture_side} * picture_side * photo_channels)};
-    put(picture.bytes, photo_channels, 0, at_usual_side(read_image(files.image)));
-    put(picture.bytes, photo_channels, mask_channel,
-        at_usual_side(read_mask_file(files.mask).mask));
+    const Tensor image = read_image(files.image);
+    const auto mask_in = [&](const fs::path& file) {
+        const Tensor mask = read_mask_file(file).mask;
+        if (mask.shape(0) * image.shape(1) != mask.shape(1) * image.shape(0))
+            fail<FileError>(file.string(), ": has another shape than its photo");
+        return at_usual_side(central_square(mask));
+    };
+    put(picture.bytes, photo_channels, 0, at_usual_side(central_square(image)));
+    put(picture.bytes, photo_channels, mask_channel, mask_in(files.mask));
     Tensor known = Tensor::full({picture_side, picture_side, 1}, 1.0);
-    if (!files.unknown.empty())
-        known = affine(at_usual_side(read_mask_file(files.unknown).mask), -1.0, 1.0).value();
+    if (!files.unknown.empty()) known = affine(mask_in(files.unknown), -1.0, 1.0).value();
     put(picture.bytes, photo_channels, known_channel, known);
     const fs::path person = folder / "persons" / (files.id + ".png");
     picture.has_person = fs::exists(person);
-    if (picture.has_person)
-        put(picture.bytes, photo_channels, person_channel,
-            at_usual_side(read_mask_file(person).mask));
+    if (picture.has_person) put(picture.bytes, photo_channels, person_channel, mask_in(person));
     return picture;
 }
 
@@ -209,7 +223,9 @@ HeadMaskExamples::Example HeadMaskExamples::varied(const HeadMaskVariation& vari
         photo.has_person && !backgrounds_.empty() && rng.uniform() < variation.background_share;
     const bool has_more_hair = rng.uniform() < variation.hair_share;
     const bool has_hat = rng.uniform() < variation.hat_share;
+    const bool has_glasses = rng.uniform() < variation.glasses_share;
     const LargerHair hair(rng);
+    const Glasses glasses(rng);
     const Hat hat(rng);
     const Cloth cloth(drawn_cloth(rng), rng);
     Example example{std::vector<Pixel>(std::size_t{picture_side} * picture_side)};
@@ -219,6 +235,7 @@ HeadMaskExamples::Example HeadMaskExamples::varied(const HeadMaskVariation& vari
         Pixel& pixel = example.pixels[static_cast<std::size_t>(i)];
         pixel = sample<photo_channels>(photo.bytes, source);
         if (!is_inside(source)) pixel[known_channel] = 0.0F;
+        if (has_glasses) put_on(glasses, aligned, pixel);
         if (has_hat) put_on(hat, cloth, aligned, moves, pixel);
         if (moves) recolor(pixel, own_color);
     }

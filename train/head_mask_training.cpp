@@ -161,7 +161,9 @@ HeadMaskTrainingOutcome train_head_mask(const HeadMaskModel& model,
         std::ostringstream text;
         text << std::fixed << std::setprecision(4) << "loss " << recent;
         progress.update(training.step() * config.batch, text.str());
-        if (seconds_now() - saved < 60.0 * config.checkpoint_minutes) continue;
+        if (config.checkpoint_minutes == 0.0 ||
+            seconds_now() - saved < 60.0 * config.checkpoint_minutes)
+            continue;
         training.save();
         saved = seconds_now();
     }

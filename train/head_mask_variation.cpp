@@ -21,6 +21,8 @@ void HeadMaskVariation::describe(ConfigSchema& schema) {
     schema.number("variation.hair_share", hair_share, 0.0, 1.0,
                   "share of the photos whose hair is made larger");
     schema.number("variation.hat_share", hat_share, 0.0, 1.0, "share of the photos that get a hat");
+    schema.number("variation.glasses_share", glasses_share, 0.0, 1.0,
+                  "share of the photos that get glasses");
     schema.number("variation.cover_share", cover_share, 0.0, 1.0,
                   "share of the photos with something in front of the head");
     schema.number("variation.degrees", degrees, 0.0, 180.0, "largest rotation");
@@ -92,6 +94,44 @@ Hat::Part Hat::part(const ImagePoint& point) const {
     if (v <= 0.0 && -v <= height && std::abs(u) <= half) return Part::hat;
     if (v < 0.0) return Part::outside;
     return v <= thickness_ + shadow_ && std::abs(u) <= brim_width_ ? Part::shadow : Part::none;
+}
+
+Glasses::Glasses(Rng& rng)
+    : tilt_(rng.uniform(-0.06, 0.06)),
+      middle_(rng.uniform(0.48, 0.52)),
+      height_(rng.uniform(0.47, 0.51)),
+      apart_(rng.uniform(0.12, 0.15)),
+      lens_width_(rng.uniform(0.08, 0.13)),
+      lens_height_(rng.uniform(0.05, 0.1)),
+      roundness_(rng.uniform(2.0, 6.0)),
+      rim_(rng.uniform(0.0, 0.18)),
+      opacity_(static_cast<float>(rng.uniform() < 0.3 ? 0.15 : rng.uniform(0.6, 1.0))),
+      fade_(static_cast<float>(rng.uniform(-0.5, 0.8))) {
+    const double light = rng.uniform() < 0.8 ? 0.25 : 0.9;
+    const double frame_light = rng.uniform() < 0.7 ? 0.2 : 1.0;
+    const double lens_grey = rng.uniform(), frame_grey = rng.uniform();
+    for (std::size_t c = 0; c < 3; ++c) {
+        lens_[c] = static_cast<float>(light * (0.6 * lens_grey + 0.4 * rng.uniform()));
+        frame_[c] = static_cast<float>(frame_light * (0.7 * frame_grey + 0.3 * rng.uniform()));
+    }
+}
+
+Glasses::Paint Glasses::paint(const ImagePoint& point) const {
+    constexpr double temple_thickness = 0.008, ear = 0.36;
+    const double x = point[0] - middle_, u = std::abs(x);
+    const double v = point[1] - height_ - tilt_ * x;
+    const double lens = std::pow(std::abs(u - apart_) / lens_width_, roundness_) +
+                        std::pow(std::abs(v) / lens_height_, roundness_);
+    if (lens <= 1.0) {
+        Paint paint{lens_, opacity_, false};
+        const auto lighter = std::max(0.0F, fade_ * static_cast<float>(v / lens_height_));
+        for (float& value : paint.color) value += lighter * (0.8F - value);
+        return paint;
+    }
+    if (lens <= std::pow(1.0 + rim_, roundness_)) return {frame_, 1.0F, false};
+    const bool in_line = std::abs(v + 0.5 * lens_height_) <= temple_thickness;
+    if (in_line && u < apart_) return {frame_, 1.0F, false};
+    return {frame_, in_line && u < ear ? 1.0F : 0.0F, true};
 }
 
 ColorChange::ColorChange(double strength, Rng& rng)

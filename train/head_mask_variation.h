@@ -12,6 +12,7 @@ struct HeadMaskVariation {
     double background_share = 0.5;  ///< share of the cut-out people that get another background
     double hair_share = 0.3;        ///< share of the photos whose hair is made larger
     double hat_share = 0.03;        ///< share of the photos that get a hat
+    double glasses_share = 0.1;     ///< share of the photos that get glasses
     double cover_share = 0.25;      ///< share of the photos with something in front of the head
     double degrees = 20.0;          ///< largest rotation
     double scale = 1.25;            ///< largest enlargement, and 1 / the smallest one
@@ -70,6 +71,26 @@ public:
 
 private:
     double x_, brim_, tilt_, width_, crown_top_, taper_, brim_width_, thickness_, bend_, shadow_;
+};
+
+/// Glasses before the eyes of an aligned photo, most of them dark: two lenses, frame and temples.
+class Glasses {
+public:
+    explicit Glasses(Rng& rng);
+
+    /// Colour and opacity at a point, all in [0, 1]. `temple`: of a thin bar towards an ear, which
+    /// is only seen on the head.
+    struct Paint {
+        std::array<float, 3> color{};
+        float opacity = 0.0F;
+        bool temple = false;
+    };
+    [[nodiscard]] Paint paint(const ImagePoint& point) const;
+
+private:
+    double tilt_, middle_, height_, apart_, lens_width_, lens_height_, roundness_, rim_;
+    float opacity_, fade_;
+    std::array<float, 3> lens_{}, frame_{};
 };
 
 /// Changes the exposure and the balance of colours, and takes some of the colour away.

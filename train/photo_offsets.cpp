@@ -139,7 +139,7 @@ std::vector<std::string> lines_of(const std::string& text) {
     return lines;
 }
 
-/// An id in ASCII and on one line, because metadata is UTF-8 and file names need not be.
+/// An id on one line and in ASCII.
 std::string escaped(const std::string& id) {
     constexpr std::string_view digits = "0123456789ABCDEF";
     std::string text;
@@ -230,6 +230,8 @@ std::string follow_photos(TensorFile& state, const std::vector<std::string>& pho
     const std::vector<std::string> gone = missing_in(after, earlier),
                                    added = missing_in(before, ids);
     if (earlier == ids) return {};
+    if (learnt && before.empty())
+        fail<FileError>("the checkpoint has learnt offsets of photos, and names none");
     for (auto& [name, tensor] : state.tensors)
         if (is_of_photos(name) && tensor.rank() == 2 && tensor.shape(0) % std::ssize(before) == 0)
             tensor = moved_rows(tensor, before, after);

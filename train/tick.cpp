@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <iomanip>
+#include <iterator>
+#include <limits>
 #include <sstream>
 #include <string_view>
 #include <utility>
@@ -15,6 +17,7 @@
 #include "core/ops/resample.h"
 #include "core/parallel.h"
 #include "nn/known_pixels.h"
+#include "nn/models/camera_problem.h"
 #include "nn/models/display_image.h"
 #include "nn/models/face_batch.h"
 #include "nn/realtime/view.h"
@@ -24,6 +27,12 @@ namespace stymo {
 namespace {
 
 constexpr std::int64_t faces_shown = 6;
+
+std::vector<std::string_view> all_loss_names() {
+    std::vector<std::string_view> names = loss_names(2);
+    std::ranges::copy(discriminator_loss_names, std::back_inserter(names));
+    return names;
+}
 
 }  // namespace
 
@@ -61,6 +70,12 @@ LossValues Tick::losses() const {
         return sum / static_cast<double>(std::max<std::int64_t>(1, steps));
     };
     LossValues mean;
+    if (steps_ == 0) {
+        constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
+        mean.total = unknown;
+        for (const std::string_view name : all_loss_names()) mean[name] = unknown;
+        return mean;
+    }
     mean.accumulate(losses_, 1.0 / static_cast<double>(steps_));
     mean["r1"] = mean_over(losses_["r1"], regularized_steps_);
     return mean;
@@ -70,9 +85,8 @@ std::string Tick::text() const {
     const LossValues mean = losses();
     std::ostringstream text;
     text << std::fixed << std::setprecision(4) << "loss " << mean.total;
-    std::vector<std::string_view> names = loss_names(2);
-    std::ranges::copy(discriminator_loss_names, std::back_inserter(names));
-    for (const std::string_view name : names) {
+    if (steps_ == 0) return text.str();
+    for (const std::string_view name : all_loss_names()) {
         std::string words(name);
         std::ranges::replace(words, '_', ' ');
         if (mean[name] != 0.0) text << ", " << words << ' ' << mean[name];
@@ -143,6 +157,8 @@ Tensor sample_sheet(const Model& model, const Dataset& faces, std::int64_t resol
             make_batch(std::vector{faces.load(index)}, model.decoder().ladder().smallest());
         const Codes codes = face_codes(model, batch, offsets);
         const auto show = [&](const Camera& camera) {
+            if (camera_problem(model.config().decoder, camera))
+                return tiles.push_back(Tensor::zeros({resolution, resolution, 3}));
             tiles.push_back(
                 render_view(model, codes, 0, camera,
                             {.samples_per_ray = samples_per_ray, .resolution = resolution})

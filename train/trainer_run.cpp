@@ -44,6 +44,10 @@ bool is_due(std::int64_t step, std::int64_t interval) {
     return interval > 0 && step % interval == 0;
 }
 
+bool is_last(const TrainingPosition& position) {
+    return position.step + 1 == position.phase.steps;
+}
+
 }  // namespace
 
 /// A call of run_steps: its clocks, and what it reports and writes.
@@ -137,7 +141,8 @@ void Trainer::Run::step() {
                           " is not finite");
     }
     tick_.add(report);
-    if (is_due(steps, output.tick_steps)) end_tick(position);
+    // A line of statistics is of one phase.
+    if (is_due(steps, output.tick_steps) || is_last(position)) end_tick(position);
     progress_.update(images_done(), step_text(report.losses));
     if (folder_ == nullptr) return;
     if (is_due(steps, output.sample_steps)) write_samples(position.phase);
@@ -191,8 +196,7 @@ bool Trainer::Run::checkpoint_is_due(const TrainingPosition& done) const {
     const OutputConfig& output = trainer_.config_.output;
     const bool time_to_save = output.checkpoint_minutes > 0.0 &&
                               seconds_now() - last_checkpoint_ >= output.checkpoint_minutes * 60.0;
-    const bool phase_is_over = done.step + 1 == done.phase.steps;
-    return time_to_save || phase_is_over || is_due(trainer_.state_.step, output.checkpoint_steps);
+    return time_to_save || is_last(done) || is_due(trainer_.state_.step, output.checkpoint_steps);
 }
 
 void Trainer::Run::save_checkpoint() {
@@ -213,6 +217,9 @@ TrainingOutcome Trainer::Run::finish() {
     if (saved_step_ != trainer_.state_.step) save_checkpoint();
     // Only at the end, because the statistics take as long as many steps; and after the checkpoint,
     // in case the process is killed meanwhile.
+    if (interrupted())
+        progress_.message(
+            "the codes of the photos are measured for the model; a second signal leaves that out");
     for (const std::filesystem::path& model : {folder_->model_file(), folder_->best_file()})
         add_code_statistics(model, trainer_.training_, trainer_.config_.output.statistics_images);
     progress_.finish(outcome_.last_tick ? step_text(*outcome_.last_tick) : "");

@@ -17,6 +17,7 @@
 #include "core/io/checksum.h"
 #include "core/io/file.h"
 #include "core/matmul_precision.h"
+#include "render/pose_json.h"
 
 #ifdef STYMO_WITH_MPI
 #define OMPI_SKIP_MPICXX 1
@@ -185,9 +186,15 @@ CommonState common_state(const TrainConfig& config, const Dataset& training,
                          const TrainingState& state, const std::filesystem::path& initial_model) {
     std::string photos;
     for (std::int64_t i = 0; i < training.size(); ++i) {
-        const std::filesystem::path& image = training.files(i).image;
-        photos += image.filename().string() + ' ' +
-                  std::to_string(std::filesystem::file_size(image)) + '\n';
+        const FaceFiles& files = training.files(i);
+        photos += files.image.filename().string();
+        for (const std::filesystem::path& file : {files.image, files.mask, files.unknown})
+            photos += ' ' + (file.empty() ? "" : std::to_string(std::filesystem::file_size(file)));
+        if (const FaceEntry* entry = training.entry(i); entry != nullptr) {
+            photos += ' ' + std::to_string(entry->size);
+            if (entry->pose) photos += ' ' + to_json(*entry->pose).text();
+        }
+        photos += '\n';
     }
     return {{"a configuration", checksum(to_json(config))},
             {"a seed", std::to_string(state.seed)},

@@ -158,6 +158,12 @@ void ResultFolder::read_lines() {
     }
 }
 
+std::vector<std::string> ResultFolder::photos() const {
+    std::vector<std::string> photos;
+    for (const auto& [photo, line] : lines_) photos.push_back(photo);
+    return photos;
+}
+
 std::string ResultFolder::line_of(const std::string& photo) const {
     std::ifstream stream(lines_.at(photo).file, std::ios::binary);
     stream.seekg(lines_.at(photo).offset);

@@ -62,6 +62,8 @@ public:
     [[nodiscard]] const JsonValue& settings() const { return settings_; }
     /// Whether the photo had a result at construction, or when the results were joined.
     [[nodiscard]] bool contains(const std::string& photo) const { return lines_.contains(photo); }
+    /// All such photos, also those that are no longer there.
+    [[nodiscard]] std::vector<std::string> photos() const;
     /// `parse(line)` of such a photo. Errors become a FileError that names the file.
     template <class Parse>
     [[nodiscard]] auto read(const std::string& photo, const Parse& parse) const {

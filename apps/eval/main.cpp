@@ -215,6 +215,9 @@ stymo::AppResult evaluate(Options options, const stymo::CommandLine& line) {
         stymo::fail<stymo::UsageError>("--parser requires --region face or both");
     if (!options.morphable.empty() && !options.shape && !options.evaluation.fit)
         stymo::fail<stymo::UsageError>("--morphable requires --shape or --fit");
+    if (!(options.lpips.trunk.empty() && options.lpips.heads.empty()) &&
+        options.lpips.metric.empty() && !options.evaluation.fit)
+        stymo::fail<stymo::UsageError>("--lpips-trunk and --lpips-heads require --lpips or --fit");
     if (!options.out.empty()) stymo::ResultFolder::require_apart(options.out, options.data);
     std::optional<EvaluationRun> run;
     return stymo::run_on_ranks("stymo-eval", [&](stymo::Ranks& ranks) {
@@ -283,7 +286,7 @@ int stymo_eval(int argc, char** argv) {
     command.option("A", pair.a, "first image").required();
     command.option("B", pair.b, "second image").required();
     stymo::declare_lpips_metric(command, pair.lpips);
-    stymo::declare_lpips_files(command, pair.lpips);
+    command.requiring("--lpips", [&] { stymo::declare_lpips_files(command, pair.lpips); });
 
     stymo::DrawnOptions drawn;
     command = line.command(

@@ -66,8 +66,15 @@ PeopleScore people_score(const Rows& codes, const std::vector<std::string>& peop
             const double cosine =
                 std::inner_product(rows[i].begin(), rows[i].end(), rows[j].begin(), 0.0);
             const bool same = people[j] == people[i];
-            (same ? score.same_cosine : score.other_cosine) += cosine;
-            (same ? same_pairs : other_pairs) += 1.0;
+            // A pair is met twice if both people have several photos.
+            const double weight = counts.contains(people[j]) ? 1.0 : 2.0;
+            if (same) {
+                score.same_cosine += cosine;
+                same_pairs += 1.0;
+            } else if (!people[j].empty()) {
+                score.other_cosine += weight * cosine;
+                other_pairs += weight;
+            }
             if (same) {
                 likeness.least_same = std::min(likeness.least_same, cosine);
                 likeness.most_same = std::max(likeness.most_same, cosine);

@@ -11,6 +11,7 @@
 #include "core/io/json_check.h"
 #include "render/camera_matrices.h"
 #include "render/pose_json.h"
+#include "train/data/folder_records.h"
 
 namespace stymo {
 namespace {
@@ -98,6 +99,7 @@ std::optional<Json> record_of(const std::string& text, const std::string& id) {
     std::istringstream stream(text);
     bool lines = false;
     for (std::string line; std::getline(stream, line);) {
+        if (line.find_first_not_of(" \t\r") == std::string::npos) continue;
         const Json value = Json::parse(line, nullptr, false);
         if (!value.is_object() || !value.contains("id")) return std::nullopt;
         if (value["id"] == id) return value;
@@ -125,8 +127,11 @@ Camera camera_in(const std::string& text, const std::string& id, const Intrinsic
 Camera read_camera(const std::filesystem::path& path, const std::string& id,
                    const Intrinsics& intrinsics) {
     const std::string text = read_file(path);
+    const std::filesystem::path of_folder = path.parent_path() / "camera.json";
+    const bool has_own = path.filename() == "faces.jsonl" && std::filesystem::exists(of_folder);
+    const Intrinsics usual = has_own ? read_intrinsics(of_folder) : intrinsics;
     try {
-        return camera_in(text, id, intrinsics);
+        return camera_in(text, id, usual);
     } catch (const Error& error) {
         fail<FileError>(path.string(), ": ", error.what());
     }

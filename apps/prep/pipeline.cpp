@@ -79,12 +79,14 @@ PhotoOutcome written(const FolderPreparation& folders, PhotoInWork work,
     PhotoOutcome outcome{
         work.files->image.lexically_relative(folders.photos).string(), std::move(work.failure), {}};
     std::string failure;
+    std::vector<std::string> lost;
     for (std::size_t i = 0; i < faces.size(); ++i) {
         std::string id = face_id(work.files->id, i);
         if (i > 0 && photo_ids.contains(id))
             faces[i].failure = "a photo has the id " + id + " of its face " + std::to_string(i + 1);
         if (!faces[i].failure.empty()) {
             failure = faces[i].failure;
+            lost.push_back("face " + std::to_string(i + 1) + ": " + failure);
             continue;
         }
         if (!work.doubt.empty()) faces[i].warnings.push_back(work.doubt);
@@ -104,6 +106,8 @@ PhotoOutcome written(const FolderPreparation& folders, PhotoInWork work,
         outcome.faces.back().origin = known->origin;
     }
     if (outcome.failure.empty() && outcome.faces.empty()) outcome.failure = std::move(failure);
+    if (!outcome.faces.empty())
+        std::ranges::move(lost, std::back_inserter(outcome.faces.front().warnings));
     return outcome;
 }
 
@@ -173,13 +177,30 @@ void PreparationRun::follow() {
     prepare_share();
 }
 
+void PreparationRun::remove_faces_without_photo(const std::set<std::string>& ids) const {
+    for (const std::string& id : ids)
+        for (const char* kind : {"images", "masks", "unknown"})
+            fs::remove(folders_.out / kind / (id + ".png"));
+}
+
+std::set<std::string> PreparationRun::face_ids(std::span<const std::string> photos) const {
+    std::set<std::string> ids;
+    for (const std::string& photo : photos)
+        for (const FaceOutcome& face : results_.read(photo, parse_photo_outcome).faces)
+            ids.insert(face.id);
+    return ids;
+}
+
 PrepareOutcome PreparationRun::lead() {
     const InterruptGuard guard;
     prepare_share();
+    std::set<std::string> gone = face_ids(results_.photos());
     results_.join(names_);
     std::vector<std::string> done;
     std::ranges::copy_if(names_, std::back_inserter(done),
                          [&](const std::string& name) { return results_.contains(name); });
+    for (const std::string& id : face_ids(done)) gone.erase(id);
+    remove_faces_without_photo(gone);
     // Those from which the folder of photos was itself prepared, if it was.
     std::vector<std::string> photo_ids = scan_.photo_ids;
     if (photo_ids.empty())

@@ -82,6 +82,9 @@ private:
     void prepare_share();
     /// Prepares and records photos. Returns false, and records none of them, if a signal arrived.
     [[nodiscard]] bool prepare_batch(std::span<const FaceFiles* const> photos);
+    [[nodiscard]] std::set<std::string> face_ids(std::span<const std::string> photos) const;
+    /// Of faces whose photo is gone since an earlier call.
+    void remove_faces_without_photo(const std::set<std::string>& ids) const;
 
     FolderPreparation folders_;
     const PhotoPreparation& preparation_;

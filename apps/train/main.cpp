@@ -86,6 +86,11 @@ struct PreparedRun {
         if (random_start && config.stage1.decoder_frozen)
             stymo::fail<stymo::ConfigError>(
                 "stage1.decoder_frozen needs --initial-model: its decoder would stay random");
+        if (options.dry_run) {
+            // Measures what most steps do, not the cheaper ones at the beginning.
+            config.optimizer.backbone_frozen_epochs = 0;
+            config.loss.mask_start_epoch = 0;
+        }
         if (!random_start) stymo::assume_weights(config.model.encoder);
         if (config.data.validation > 0)
             validation = stymo::faces_for_training(options.data, config, stymo::Split::validation);

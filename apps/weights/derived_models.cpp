@@ -70,6 +70,9 @@ void require_wider(const ModelConfig& narrow, const ModelConfig& wide) {
             "small_residual, and adds encoder.identity_backbone, .identity_from_both, "
             ".expression_backbone and .corrections, only");
     const auto times = static_cast<std::uint64_t>(to.resolution / from.resolution);
+    if (to.resolution % from.resolution != 0 || !std::has_single_bit(times))
+        fail<ConfigError>("decoder.resolution ", to.resolution, ": widening doubles ",
+                          from.resolution, ", once or several times");
     const std::size_t needed =
         resolution_ladder(from).count() + static_cast<std::size_t>(std::bit_width(times)) - 1;
     const std::size_t blocks = from.block_channels.size();

@@ -60,6 +60,15 @@ std::optional<std::string> json_fault(std::string_view text) {
     return std::nullopt;
 }
 
+bool is_utf8(std::string_view text) {
+    try {
+        static_cast<void>(nlohmann::json(text).dump());
+        return true;
+    } catch (const nlohmann::json::type_error&) {
+        return false;
+    }
+}
+
 void require_sound_json(std::string_view text) {
     if (const std::optional<std::string> fault = json_fault(text)) fail<FileError>(*fault);
 }

@@ -17,4 +17,7 @@ inline constexpr int deepest_json = 32;
 /// Throws FileError with the fault, if there is one.
 void require_sound_json(std::string_view text);
 
+/// Whether JSON can hold the text as it is.
+[[nodiscard]] bool is_utf8(std::string_view text);
+
 }  // namespace stymo

@@ -127,8 +127,9 @@ struct StoredType {
     std::size_t bytes;
 };
 
-StoredType stored_type(DType dtype, StoredElements stored) {
-    if (stored == StoredElements::float16) return {"F16", sizeof(Eigen::half)};
+StoredType stored_type(const Tensor& tensor, StoredElements stored) {
+    const DType dtype = tensor.dtype();
+    if (stored == StoredElements::float16 && tensor.rank() > 0) return {"F16", sizeof(Eigen::half)};
     return {dtype == DType::float32 ? "F32" : "F64", size_in_bytes(dtype)};
 }
 
@@ -155,7 +156,7 @@ std::string encoded_header(const TensorFile& contents,
     std::uint64_t begin = 0;
     for (const auto* item : order) {
         const auto& [name, tensor] = *item;
-        const StoredType type = stored_type(tensor.dtype(), stored);
+        const StoredType type = stored_type(tensor, stored);
         const std::uint64_t end = begin + static_cast<std::uint64_t>(tensor.size()) * type.bytes;
         header[name] = {
             {"dtype", type.name}, {"shape", json::array()}, {"data_offsets", {begin, end}}};
@@ -230,8 +231,9 @@ void write_tensor_file(const fs::path& path, const TensorFile& contents, StoredE
         }
         order.push_back(&item);
     }
-    std::ranges::stable_sort(order, std::ranges::greater(),
-                             [](const auto* item) { return size_in_bytes(item->second.dtype()); });
+    std::ranges::stable_sort(order, std::ranges::greater(), [&](const auto* item) {
+        return stored_type(item->second, stored).bytes;
+    });
 
     // Before the file is there: JSON that runs out of memory in its destructor ends the process.
     const std::string header = encoded_header(contents, order, stored);
@@ -240,7 +242,7 @@ void write_tensor_file(const fs::path& path, const TensorFile& contents, StoredE
         std::ofstream stream(temporary, std::ios::binary);
         stream.write(header.data(), static_cast<std::streamsize>(header.size()));
         for (const auto* item : order) {
-            if (stored == StoredElements::float16) {
+            if (stored_type(item->second, stored).bytes == sizeof(Eigen::half)) {
                 const std::vector<Eigen::half> halves = rounded_to_half(item->first, item->second);
                 stream.write(reinterpret_cast<const char*>(halves.data()),
                              static_cast<std::streamsize>(halves.size() * sizeof(Eigen::half)));

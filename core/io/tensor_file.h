@@ -26,7 +26,7 @@ struct TensorFile {
 /// The type in which a file stores elements.
 enum class StoredElements {
     as_they_are,  ///< F32 or F64
-    float16,      ///< F16, rounded to nearest
+    float16,      ///< F16, rounded to nearest; tensors of rank 0, such as counts, as they are
 };
 
 /// The float32 tensor that a file with float16 elements returns for this one. Throws ValueError,

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
+#include <vector>
 
 #include "core/error.h"
 #include "fit/photo/mask_band.h"
@@ -51,6 +52,33 @@ HeadShare head_share(const cv::Vec3f& color, const cv::Vec3f& head, const cv::Ve
     return {value, differs * explained};
 }
 
+/// Values in the band are at most the highest one beside them nearer to the head. What grows again
+/// behind a gap, as a neck behind the shadow of a chin, is something else: the more it would grow,
+/// the less of it is head.
+void never_grow_outwards(cv::Mat& values, const cv::Mat& head, const cv::Mat& around) {
+    cv::Mat distances;
+    cv::distanceTransform(head == 0, distances, cv::DIST_L2, cv::DIST_MASK_PRECISE);
+    std::vector<cv::Point> band;
+    for (int row = 0; row < values.rows; ++row)
+        for (int column = 0; column < values.cols; ++column)
+            if (head.at<unsigned char>(row, column) == 0 &&
+                around.at<unsigned char>(row, column) == 0)
+                band.emplace_back(column, row);
+    std::ranges::stable_sort(band, {}, [&](const cv::Point& p) { return distances.at<float>(p); });
+    for (const cv::Point& pixel : band) {
+        float highest = 0.0F;
+        for (int row = std::max(pixel.y - 1, 0); row <= std::min(pixel.y + 1, values.rows - 1);
+             ++row)
+            for (int column = std::max(pixel.x - 1, 0);
+                 column <= std::min(pixel.x + 1, values.cols - 1); ++column)
+                if (distances.at<float>(row, column) < distances.at<float>(pixel))
+                    highest = std::max(highest, values.at<float>(row, column));
+        float& value = values.at<float>(pixel);
+        const float most = highest < 0.5F ? 2.0F * highest - value : highest;
+        value = std::clamp(most, 0.0F, value);
+    }
+}
+
 }  // namespace
 
 Tensor edge_by_color(const Tensor& mask, const Tensor& image) {
@@ -90,6 +118,7 @@ Tensor edge_by_color(const Tensor& mask, const Tensor& image) {
             const float wanted = value > 0.5F ? share.value : std::min(share.value, value);
             value += share.trust * (wanted - value);
         }
+    never_grow_outwards(values, head, around);
     return result;
 }
 

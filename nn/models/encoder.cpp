@@ -73,8 +73,8 @@ EncoderConfig without_weight_files(EncoderConfig config) {
 }
 
 void assume_weights(EncoderConfig& config) {
-    if (lacks_weights(config.backbone, config.backbone_weights))
-        config.backbone_weights = random_backbone;
+    config.backbone_in_model = lacks_weights(config.backbone, config.backbone_weights);
+    if (config.backbone_in_model) config.backbone_weights = random_backbone;
     if (lacks_weights(config.identity_backbone, config.identity_weights))
         config.identity_weights = random_backbone;
     if (lacks_weights(config.expression_backbone, config.expression_weights))

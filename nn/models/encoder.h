@@ -32,6 +32,9 @@ struct EncoderConfig {
     std::string expression_backbone = "none";
     std::string expression_weights{};
     std::int64_t corrections = 0;  ///< of the heads' codes by a CodeCorrector
+    /// Whether the backbone's published weights come with a model or a checkpoint (assume_weights);
+    /// no key.
+    bool backbone_in_model = false;
 };
 
 /// Binds the fields under "encoder." .
@@ -49,7 +52,8 @@ inline constexpr const char* random_backbone = "random";
 inline constexpr const char* no_backbone = "none";
 /// Whether the backbone begins with weights from a file.
 [[nodiscard]] inline bool is_pretrained(const EncoderConfig& config) {
-    return !config.backbone_weights.empty() && config.backbone_weights != random_backbone;
+    return config.backbone_in_model ||
+           (!config.backbone_weights.empty() && config.backbone_weights != random_backbone);
 }
 /// The configuration without its files of published weights, for a model whose own file has all
 /// weights.

@@ -211,9 +211,21 @@ TEST_CASE("A preparation that was stopped goes on with the next call, as if it h
     const ToolOutcome other = run_tool(folder, "stymo-prep --photos many --out in_two --size 64");
     CHECK(other.exit_code == 1);
     CHECK_THAT(other.err, Catch::Contains("was begun with other settings (--size was 32, now 64)"));
-    std::ofstream(folder / "in_two/progress.jsonl", std::ios::app) << R"({"file":"images/000)";
+    // A photo that was removed in between is in no part of the data set.
+    std::string line = stymo::read_file(folder / "in_two/progress.jsonl");
+    line = line.substr(0, line.find('\n') + 1);
+    const json first_record = json::parse(line);
+    json gone = first_record;
+    gone["file"] = "images/gone.png";
+    gone["faces"][0]["face"]["id"] = "gone";
+    const std::string kept = first_record["faces"][0]["face"]["id"].get<std::string>() + ".png";
+    for (const char* kind : {"images", "masks"})
+        fs::copy_file(folder / "in_two" / kind / kept, folder / "in_two" / kind / "gone.png");
+    std::ofstream(folder / "in_two/progress.jsonl", std::ios::app) << gone.dump() << '\n'
+                                                                   << R"({"file":"images/000)";
     done("stymo-prep --photos many --out in_two --size 32");
-    CHECK(names_in(folder / "in_two") == names_in(folder / "in_one_go"));
+    for (const char* part : {"", "images", "masks"})
+        CHECK(names_in(folder / "in_two" / part) == names_in(folder / "in_one_go" / part));
     for (const char* file : {"faces.jsonl", "report.json", "camera.json", "images/00010.png",
                              "overlays/sheet_000.png"})
         CHECK(stymo::read_file(folder / "in_two" / file) ==
@@ -285,6 +297,14 @@ TEST_CASE("A pose comes back from every form that stymo-prep pose writes") {
     const json back = json::parse(done("stymo-prep pose tele.json --json").out);
     for (std::size_t i = 0; i < 25; ++i)
         CHECK(back["eg3d"][i].get<double>() == Approx(tele["eg3d"][i].get<double>()).margin(0.001));
+    // So does that of the folder of a faces.jsonl, whose lines may be apart.
+    const json line = {{"id", "a"}, {"pose", tele["pose"]}};
+    fs::create_directories(folder / "tele_faces");
+    stymo::write_file(folder / "tele_faces/faces.jsonl", other.dump() + "\n\n" + line.dump());
+    stymo::write_file(folder / "tele_faces/camera.json", tele["camera"].dump());
+    const json of_folder =
+        json::parse(done("stymo-prep pose tele_faces/faces.jsonl --id a --json").out);
+    CHECK(of_folder["pose"] == back["pose"]);
     done("stymo-prep pose form.json --id 00000/a.png --draw axes.png");
     CHECK(stymo::read_image(folder / "axes.png").shape() == stymo::Shape{192, 192, 3});
 }

@@ -60,6 +60,8 @@ TEST_CASE("Wrong usage of a tool exits with 2") {
         {"stymo-eval", "--data"},
         {"stymo-eval --model run/model.safetensors", "--data"},
         {"stymo-eval pair whole.jpg", "B"},
+        {"stymo-eval pair whole.jpg whole.jpg --lpips-heads random", "--lpips"},
+        {eval + "--lpips-heads random", "--lpips or --fit"},
         {eval + "--lpips resnet", "--lpips"},
         {"stymo-synth", "--out"},
         {"stymo-synth --out out --count 0", "--count"},

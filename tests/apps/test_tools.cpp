@@ -407,7 +407,7 @@ TEST_CASE("stymo-eval goes on only with the same value of every option that can 
     CHECK(declared.size() == begun.size() + keep_results.size());
     refuse(begun, "--seed 1 ", "--seed was 0, now 1)");
     refuse(begun, "--matmul-precision highest ", "--matmul-precision was \"high\"");
-    refuse(begun, "--lpips-heads random ", "--lpips-heads was \"\"");
+    refuse(begun, "--resolution 64 ", "--resolution was 0, now 64)");
     stymo::write_file(file, begun.dump() + "\n");
     done(eval + "--out begun --threads 2 --one-by-one");
 }

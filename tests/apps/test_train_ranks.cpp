@@ -6,10 +6,16 @@
 #include <vector>
 
 #include "apps/common/child_process.h"
+#include "apps/common/ranked_run.h"
 #include "apps/tiny_run.h"
 #include "apps/tool_run.h"
 #include "core/io/file.h"
+#include "core/io/image.h"
+#include "core/io/scratch_folder.h"
 #include "core/matmul_precision.h"
+#include "train/data/dataset.h"
+#include "train/train_config.h"
+#include "train/trainer.h"
 
 namespace train_rank_tests {
 
@@ -106,6 +112,28 @@ TEST_CASE("A rank that cannot write ends all of them, and the checkpoints stay")
     REQUIRE(complaints(outcome).size() == 1);
     CHECK_THAT(complaints(outcome).front(), Catch::Contains("rank 0 on "));
     CHECK(bytes("blocked/checkpoints/000004/state.safetensors") == state);
+}
+
+TEST_CASE("Ranks whose photos have other poses, landmarks or masks are told apart") {
+    const stymo::ScratchFolder folder;
+    const fs::path faces = folder.path() / "faces";
+    fs::copy(tiny_run() / "faces", faces, fs::copy_options::recursive);
+    stymo::TrainConfig config = stymo::load_train_config(tiny_run() / "tiny.json", {});
+    const auto state = [&] {
+        return stymo::common_state(
+            config, stymo::faces_for_training(faces, config, stymo::Split::training), {}, {});
+    };
+    const stymo::CommonState before = state();
+    CHECK(state() == before);
+    const std::string records = stymo::read_file(faces / "faces.jsonl");
+    const std::size_t yaw = records.find("\"yaw_deg\":") + 10;
+    stymo::write_file(faces / "faces.jsonl",
+                      records.substr(0, yaw) + "1" + records.substr(records.find(',', yaw)));
+    CHECK(state() != before);
+    stymo::write_file(faces / "faces.jsonl", records);
+    CHECK(state() == before);
+    stymo::write_image(faces / "masks/00000.png", stymo::Tensor::full({64, 64, 1}, 1.0));
+    CHECK(state() != before);
 }
 
 }  // namespace train_rank_tests

@@ -8,6 +8,7 @@
 #include "core/rng.h"
 #include "render/morphable/head.h"
 #include "render/triangle_mesh.h"
+#include "support/enclosed_volume.h"
 #include "support/error_message.h"
 
 using namespace stymo;

@@ -3,6 +3,7 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 
 #include "core/error.h"
 #include "core/io/file.h"
@@ -35,6 +36,7 @@ void write_examples(const std::filesystem::path& folder) {
 constexpr HeadMaskVariation still{.background_share = 1.0,
                                   .hair_share = 0.0,
                                   .hat_share = 0.0,
+                                  .glasses_share = 0.0,
                                   .cover_share = 0.0,
                                   .degrees = 0.0,
                                   .scale = 1.0,
@@ -89,6 +91,31 @@ TEST_CASE("Larger hair moves what is beside the face outwards, and nothing of th
         last = factor;
     }
     CHECK(outwards > 1.05);
+}
+
+TEST_CASE("Glasses have a lens before each eye, and are head") {
+    for (std::uint64_t seed = 0; seed < 20; ++seed) {
+        Rng rng(seed);
+        const Glasses glasses(rng);
+        for (const ImagePoint eye : {ImagePoint{0.37, 0.48}, ImagePoint{0.63, 0.48}}) {
+            const Glasses::Paint lens = glasses.paint(eye);
+            CHECK(lens.opacity >= 0.15F);
+            CHECK_FALSE(lens.temple);
+            for (const float value : lens.color) CHECK((value >= 0.0F && value <= 1.0F));
+        }
+        for (const ImagePoint skin : {ImagePoint{0.5, 0.3}, ImagePoint{0.5, 0.8}})
+            CHECK(glasses.paint(skin).opacity == 0.0F);
+    }
+    const ScratchFolder folder;
+    write_examples(folder.path());
+    const HeadMaskExamples examples(folder.path());
+    HeadMaskVariation worn = still;
+    worn.glasses_share = 1.0;
+    // The half that is no head carries a lens too, and that is head.
+    const auto without = examples.draw(4, still, Rng(1)).masks.to_vector();
+    const auto with = examples.draw(4, worn, Rng(1)).masks.to_vector();
+    CHECK(std::accumulate(with.begin(), with.end(), 0.0) >
+          std::accumulate(without.begin(), without.end(), 0.0));
 }
 
 TEST_CASE("A hat has its shadow below it and nothing of the head above it") {

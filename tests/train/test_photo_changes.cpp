@@ -65,13 +65,16 @@ TEST_CASE("a changed folder is said without learnt offsets too, with the first n
     CHECK(follow_photos(state, {"5", "6"}) ==
           "the folder has changed since the checkpoint: 4 photos (1, 2, 3, ...) gone, 1 photo (6) "
           "new");
-    // Names of files need not be UTF-8, and may have several lines.
+    // Names of files may have several lines.
     const std::vector<std::string> odd{"J\xfcrgen", "two\nlines", "100%"};
     store_photo_ids(state, odd);
     const ScratchFolder folder;
     write_tensor_file(folder / "state.safetensors", state);
     TensorFile stored = read_tensor_file(folder / "state.safetensors");
     CHECK(follow_photos(stored, odd).empty());
+    TensorFile nameless = state_of({"a", "b"});
+    nameless.metadata["photos"] = "";
+    CHECK_THROWS_AS(follow_photos(nameless, {"a", "b"}), FileError);
     TensorFile old = state_of({"a", "b"});
     old.metadata.clear();
     CHECK(follow_photos(old, {"b", "c"}) ==

@@ -273,6 +273,12 @@ TEST_CASE("a backbone that has published weights needs them, or random ones by t
     static_cast<void>(trainer.step());
     // Random weights learn from the first step on.
     CHECK(parameter_named(trainer.model(), "encoder.backbone.embed.conv.weight").trainable());
+    // Those of a model or a checkpoint wait, though no file is named.
+    config.model.encoder.backbone_weights.clear();
+    assume_weights(config.model.encoder);
+    Trainer resumed(config, faces(), nullptr, 5);
+    static_cast<void>(resumed.step());
+    CHECK_FALSE(parameter_named(resumed.model(), "encoder.backbone.embed.conv.weight").trainable());
 }
 
 TEST_CASE("a photo near profile is skipped and named where the sampling planes are of the world",

@@ -292,6 +292,7 @@ TEST_CASE(
     CHECK(report.non_finite.has_value());
     Tick tick;
     CHECK(std::isnan(tick.losses().total));
+    CHECK(std::isnan(tick.losses()["reconstruction"]));
     tick.add(healthy_step);
     tick.add(report);
     CHECK(tick.steps() == 1);

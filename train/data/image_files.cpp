@@ -9,6 +9,7 @@
 
 #include "core/error.h"
 #include "core/io/file.h"
+#include "core/io/json_check.h"
 
 namespace stymo {
 namespace {
@@ -106,6 +107,8 @@ private:
     }
 
     void judge(const fs::directory_entry& entry) {
+        if (!is_utf8(entry.path().filename().string()))
+            return leave_out(entry.path(), "its name is not UTF-8; rename it");
         std::error_code error;
         const fs::file_type type = entry.status(error).type();
         if (type == fs::file_type::not_found) return leave_out(entry.path(), "a link to nothing");

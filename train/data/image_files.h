@@ -25,7 +25,8 @@ struct ImageFiles {
 /// Lists the images below a folder. A file is an image by its usual ending (png, jpg, jpeg, bmp,
 /// tif, tiff, webp), or else by its first bytes. Links to folders are followed; a folder that is
 /// reached twice is listed once. Passed over without a word are hidden files and what storage
-/// devices and file managers add (`@eaDir`, `Thumbs.db`). `is_side` says which names directly in
+/// devices and file managers add (`@eaDir`, `Thumbs.db`). Names that are not UTF-8 are left out,
+/// because results name photos in JSON. `is_side` says which names directly in
 /// the folder are none of the photos. Throws std::filesystem::filesystem_error.
 [[nodiscard]] ImageFiles images_below(
     const std::filesystem::path& folder,

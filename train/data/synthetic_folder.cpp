@@ -82,24 +82,23 @@ void write_faces(const std::vector<std::string>& ids, const Intrinsics& intrinsi
     require_writable_folder(output.path() / "masks");
     write_intrinsics(output.path() / "camera.json", intrinsics);
 
-    std::vector<std::string> records(ids.size());
     constexpr std::int64_t faces_between_reports = 16;
     for (std::int64_t first = 0; first < std::ssize(ids); first += faces_between_reports) {
         if (interrupted()) fail<Error>("interrupted; nothing was written");
         const std::int64_t count = std::min(faces_between_reports, std::ssize(ids) - first);
+        std::vector<std::string> records(static_cast<std::size_t>(count));
         parallel_items(count, [&](std::int64_t item, int /*thread*/) {
             const std::int64_t index = first + item;
             const std::string& id = ids[static_cast<std::size_t>(index)];
             const WrittenFace face = render(index);
             write_image(output.path() / "images" / (id + ".png"), face.image);
             write_image(output.path() / "masks" / (id + ".png"), face.mask);
-            records[static_cast<std::size_t>(index)] = face.record.text() + "\n";
+            records[static_cast<std::size_t>(item)] = face.record.text();
         });
+        for (const std::string& record : records)
+            append_line(output.path() / "faces.jsonl", record, Durability::none);
         if (progress) progress(first + count);
     }
-    std::string lines;
-    for (const std::string& record : records) lines += record;
-    write_file(output.path() / "faces.jsonl", lines);
     output.finish();
 }
 

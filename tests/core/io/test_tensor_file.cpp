@@ -118,6 +118,12 @@ TEST_CASE("elements of 16 bits are rounded to nearest, and those that are too la
     CHECK(read.tensors.at("b").to_vector() == std::vector<double>{2.0 + 1.0 / 512.0});
     CHECK(read.metadata == contents.metadata);
 
+    // A count needs all its digits.
+    contents.tensors["count"] = Tensor::scalar(70001.0);
+    contents.tensors["b"] = Tensor::from({3}, std::array{1.0, 2.0, 3.0});
+    write_tensor_file(folder / "a.safetensors", contents, StoredElements::float16);
+    CHECK(read_tensor_file(folder / "a.safetensors").tensors.at("count").item() == 70001.0);
+
     contents.tensors["b"] = Tensor::from({1}, std::array{7e4});
     CHECK_THROWS_WITH(
         write_tensor_file(folder / "b.safetensors", contents, StoredElements::float16),

@@ -59,6 +59,26 @@ TEST_CASE("a mask that reaches onto a bright wall ends where the head's colour e
     CHECK(largest_difference(edge_by_color(wide, photo(0.95)), expected) < 0.01);
 }
 
+TEST_CASE("what has the head's colour behind a gap is no head") {
+    // A chin, its shadow, and the neck, which the mask takes for chin; then a dark collar.
+    const Tensor mask =
+        by_distance(1, [](double distance, std::int64_t) { return share(distance + 1.0); });
+    const Tensor chin = by_distance(3, [](double distance, std::int64_t) {
+        return distance > 2.0 || (distance < 0.5 && distance > -1.5) ? 0.8 : 0.1;
+    });
+    const Tensor result = edge_by_color(mask, chin);
+    double neck = 0.0, face = 1.0;
+    for (std::int64_t row = 0; row < side; ++row) {
+        const double distance = 80.0 - std::abs(static_cast<double>(row) - 128.0);
+        const auto value =
+            static_cast<double>(result.values<float>()[static_cast<std::size_t>(row * side + 128)]);
+        if (distance < 0.5) neck = std::max(neck, value);
+        if (distance > 2.5) face = std::min(face, value);
+    }
+    CHECK(neck < 0.01);
+    CHECK(face > 0.99);
+}
+
 TEST_CASE("the smallest masks get an edge too") {
     constexpr std::int64_t small = 64;
     Tensor mask({small, small, 1}), image({small, small, 3});

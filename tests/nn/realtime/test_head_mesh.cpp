@@ -7,6 +7,7 @@
 #include "nn/realtime/view.h"
 #include "render/morphable/head.h"
 #include "support/check_close.h"
+#include "support/enclosed_volume.h"
 #include "support/error_message.h"
 #include "support/tiny_model.h"
 

@@ -21,6 +21,7 @@ namespace image_files_tests {
 using namespace stymo;
 namespace fs = std::filesystem;
 using Catch::Matchers::Contains;
+using Catch::Matchers::EndsWith;
 using Names = std::vector<std::string>;
 
 void put_image(const fs::path& path) {
@@ -134,6 +135,18 @@ TEST_CASE("a folder without images says what it holds, and an archive is named a
                Contains("no images") && Contains("unpack it") && Contains("set/faces.zip"));
     CHECK_THAT(message("set/faces.zip"), Contains("unpack it"));
     CHECK_THAT(message("none"), Contains("no such folder"));
+}
+
+TEST_CASE("a name that JSON cannot hold is left out, and said") {
+    const ScratchFolder folder;
+    put_image(folder / "a.png");
+    put_image(folder / "b\xff.png");
+    put_image(folder / "J\xfcrgen/c.png");
+    CHECK(ids_in(folder.path()) == Names{"a"});
+    const Names left_out = left_out_of(folder);
+    REQUIRE(left_out.size() == 2);
+    for (const std::string& line : left_out)
+        CHECK_THAT(line, EndsWith(": its name is not UTF-8; rename it"));
 }
 
 TEST_CASE("links to folders are followed once, also in a loop") {
