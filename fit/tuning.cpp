@@ -135,7 +135,7 @@ private:
         const ReconstructionLoss::Target& photo = photos_[index];
         const std::int64_t side = tuned_.decoder().ladder().largest();
         // The mask branch reads features of the render blocks, which tuning changes.
-        const bool masked = faces_.mask.defined() && faces_.mask.shape(1) == side;
+        const bool masked = faces_.has_mask_of(row) && faces_.mask.shape(1) == side;
         DecodeOptions decode = decoding(side, masked);
         const bool all = number / codes_.batch() % selection_interval == 0;
         if (!all) decode.significant_samples = significant_[index];
@@ -206,11 +206,11 @@ private:
     }
 
     /// The face rendered by the original decoder, in the range of its images.
-    [[nodiscard]] SeenFace seen_face(std::int64_t row, const Camera& camera,
-                                     std::int64_t side) const {
+    [[nodiscard]] SeenFace seen_face(std::int64_t row, const Camera& camera, std::int64_t side,
+                                     bool mask) const {
         const View view = render_view(
             original_, codes_, row, camera,
-            {.samples_per_ray = samples_per_ray_, .resolution = side, .mask = true, .depth = true});
+            {.samples_per_ray = samples_per_ray_, .resolution = side, .mask = mask, .depth = true});
         return {camera, affine(Variable(view.image), 2.0, -1.0).value(), view.mask, view.depth};
     }
 
@@ -220,7 +220,7 @@ private:
         const Camera& camera = cameras_[static_cast<std::size_t>(row)];
         const Tensor& image = photos_.back().images.back();
         const std::int64_t side = image.shape(1);
-        SeenFace seen = seen_face(row, camera, side);
+        SeenFace seen = seen_face(row, camera, side, !faces_.mask.defined());
         seen.image = image.to(DType::float32).reshaped({side, side, 3});
         if (faces_.mask.defined())
             seen.mask = resize_box(slice(Variable(faces_.mask), 0, row, row + 1),
@@ -241,7 +241,7 @@ private:
     void show_from_the_side(Anchor& anchor) const {
         const std::vector<std::int64_t>& sides = original_.decoder().ladder().sides();
         const std::size_t count = photos_[static_cast<std::size_t>(anchor.row)].images.size();
-        SeenFace view = seen_face(anchor.row, anchor.camera, sides.back());
+        SeenFace view = seen_face(anchor.row, anchor.camera, sides.back(), true);
         const auto surface = heads_.surface(anchor.row, anchor.camera, view.depth.shape(0));
         if (surface) view.depth = with_surface(view.depth, *surface);
         anchor.surface = heads_.surface(anchor.row, anchor.camera,

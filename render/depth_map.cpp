@@ -26,8 +26,15 @@ double depth_at(const Tensor& depths, const Eigen::Vector2d& image_point) {
         return static_cast<double>(depths.values<float>()[static_cast<std::size_t>(
             (first[1] + row) * side + first[0] + column)]);
     };
-    return (1.0 - part[1]) * ((1.0 - part[0]) * depth(0, 0) + part[0] * depth(0, 1)) +
-           part[1] * ((1.0 - part[0]) * depth(1, 0) + part[0] * depth(1, 1));
+    double sum = 0.0;
+    for (const std::int64_t row : {0, 1})
+        for (const std::int64_t column : {0, 1}) {
+            const double weight =
+                (row == 1 ? part[1] : 1.0 - part[1]) * (column == 1 ? part[0] : 1.0 - part[0]);
+            // 0 times an infinite depth would be NaN.
+            if (weight > 0.0) sum += weight * depth(row, column);
+        }
+    return sum;
 }
 
 Eigen::Vector3d point_at(const Camera& camera, const Tensor& depths,

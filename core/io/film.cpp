@@ -57,15 +57,81 @@ void silence_ffmpeg() {
     [[maybe_unused]] static const int set = ::setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", 0);
 }
 
-Tensor tensor_of(const cv::Mat& bgr, int most_side) {
+struct CloseInput {
+    void operator()(AVFormatContext* file) const { avformat_close_input(&file); }
+};
+using InputFile = std::unique_ptr<AVFormatContext, CloseInput>;
+
+/// Shares of red and blue in the luma of a film's colour space; those of BT.601, which OpenCV
+/// takes for every film, where it names none.
+struct Luma {
+    double red = 0.299, blue = 0.114;
+};
+
+Luma luma_of(AVColorSpace space) {
+    switch (space) {
+        case AVCOL_SPC_BT709: return {0.2126, 0.0722};
+        case AVCOL_SPC_BT2020_NCL: return {0.2627, 0.0593};
+        case AVCOL_SPC_SMPTE240M: return {0.212, 0.087};
+        default: return {};
+    }
+}
+
+/// RGB from luma and the differences of blue and red from it.
+cv::Matx33d rgb_from_luma(const Luma& luma) {
+    const double green = 1.0 - luma.red - luma.blue;
+    const cv::Vec3d of_blue(0.0, -luma.blue / green, 1.0), of_red(1.0, -luma.red / green, 0.0);
+    return {1.0, of_blue[0], of_red[0], 1.0, of_blue[1], of_red[1], 1.0, of_blue[2], of_red[2]};
+}
+
+/// OpenCV scales the differences as BT.601 does.
+cv::Matx33d rgb_from_opencv_rgb(const Luma& luma) {
+    const Luma opencv;
+    const auto scale = cv::Matx33d::diag(
+        {1.0, (1.0 - luma.blue) / (1.0 - opencv.blue), (1.0 - luma.red) / (1.0 - opencv.red)});
+    return rgb_from_luma(luma) * scale * rgb_from_luma(opencv).inv();
+}
+
+/// What the file says of its pictures.
+struct FilmFacts {
+    std::int64_t frames = 0;        ///< 0 if the file does not count them
+    std::int64_t about_frames = 0;  ///< by its length, else
+    double frames_per_second = 0.0;
+    std::optional<cv::Matx33d> recoloring{};  ///< of OpenCV's colours
+};
+
+FilmFacts film_facts(const fs::path& path) {
+    av_log_set_level(AV_LOG_QUIET);
+    AVFormatContext* opened = nullptr;
+    if (avformat_open_input(&opened, path.c_str(), nullptr, nullptr) < 0) return {};
+    const InputFile file(opened);
+    if (avformat_find_stream_info(file.get(), nullptr) < 0) return {};
+    const int index = av_find_best_stream(file.get(), AVMEDIA_TYPE_VIDEO, -1, -1, nullptr, 0);
+    if (index < 0) return {};
+    const AVStream& stream = *file->streams[index];
+    FilmFacts facts{.frames = stream.nb_frames};
+    if (stream.avg_frame_rate.num > 0 && stream.avg_frame_rate.den > 0)
+        facts.frames_per_second = av_q2d(stream.avg_frame_rate);
+    const double seconds = stream.duration > 0
+                               ? static_cast<double>(stream.duration) * av_q2d(stream.time_base)
+                               : static_cast<double>(file->duration) / AV_TIME_BASE;
+    if (seconds > 0.0) facts.about_frames = std::llround(seconds * facts.frames_per_second);
+    const Luma luma = luma_of(stream.codecpar->color_space);
+    if (luma.red != Luma{}.red) facts.recoloring = rgb_from_opencv_rgb(luma);
+    return facts;
+}
+
+Tensor tensor_of(const cv::Mat& bgr, int most_side, const std::optional<cv::Matx33d>& recoloring) {
     cv::Mat image = bgr;
     const double scale = static_cast<double>(most_side) / std::max(bgr.rows, bgr.cols);
     if (scale < 1.0) cv::resize(bgr, image, {}, scale, scale, cv::INTER_AREA);
     Tensor tensor({image.rows, image.cols, 3});
     cv::cvtColor(image, image, cv::COLOR_BGR2RGB);
-    image.convertTo(
-        cv::Mat(image.rows, image.cols, CV_32FC3, tensor.mutable_values<float>().data()), CV_32F,
-        1.0 / 255.0);
+    cv::Mat colors(image.rows, image.cols, CV_32FC3, tensor.mutable_values<float>().data());
+    image.convertTo(colors, CV_32F, 1.0 / 255.0);
+    if (!recoloring) return tensor;
+    cv::transform(colors, colors, *recoloring);
+    cv::min(cv::max(colors, 0.0), 1.0, colors);
     return tensor;
 }
 
@@ -75,6 +141,7 @@ struct FilmReader::State {
     fs::path path;
     int most_side;
     cv::VideoCapture film;
+    FilmFacts facts;
     std::int64_t read = 0;
 
     bool grab() {
@@ -83,9 +150,8 @@ struct FilmReader::State {
             return true;
         }
         // Stated numbers are often off by a few frames.
-        const double stated = film.get(cv::CAP_PROP_FRAME_COUNT);
-        if (static_cast<double>(read) < 0.9 * stated - 2.0)
-            fail<FileError>(path.string(), ": ends after ", read, " of ", std::llround(stated),
+        if (static_cast<double>(read) < 0.9 * static_cast<double>(facts.frames) - 2.0)
+            fail<FileError>(path.string(), ": ends after ", read, " of ", facts.frames,
                             " frames, so it was cut off; copy it again, or write what is left of "
                             "it to a new file");
         return false;
@@ -93,25 +159,28 @@ struct FilmReader::State {
 };
 
 FilmReader::FilmReader(const fs::path& path, int most_side)
-    : state_(std::make_unique<State>(State{path, most_side, {}})) {
+    : state_(std::make_unique<State>(State{path, most_side, {}, {}})) {
     if (!fs::is_regular_file(path)) fail<FileError>(path.string(), ": no such file");
     silence_ffmpeg();
     // A file with the name of a picture opens without a look at its contents.
     if (!state_->film.open(path.string(), cv::CAP_FFMPEG) ||
         state_->film.get(cv::CAP_PROP_FRAME_WIDTH) <= 0.0)
         fail<FileError>(path.string(), ": no film that can be read, or one that was cut off");
+    state_->facts = film_facts(path);
 }
 FilmReader::~FilmReader() = default;
 FilmReader::FilmReader(FilmReader&&) noexcept = default;
 
 double FilmReader::frames_per_second() const {
-    const double rate = state_->film.get(cv::CAP_PROP_FPS);
+    const double stated = state_->facts.frames_per_second;
+    const double rate = stated > 0.0 ? stated : state_->film.get(cv::CAP_PROP_FPS);
     constexpr double usual = 25.0;
     return std::isfinite(rate) && rate > 0.0 ? rate : usual;
 }
 
 std::int64_t FilmReader::stated_frames() const {
-    return std::max<std::int64_t>(0, std::llround(state_->film.get(cv::CAP_PROP_FRAME_COUNT)));
+    const FilmFacts& facts = state_->facts;
+    return facts.frames > 0 ? facts.frames : facts.about_frames;
 }
 
 std::optional<Tensor> FilmReader::next() {
@@ -119,7 +188,7 @@ std::optional<Tensor> FilmReader::next() {
     if (!state_->grab()) return std::nullopt;
     if (!state_->film.retrieve(frame) || frame.type() != CV_8UC3)
         fail<FileError>(state_->path.string(), ": frame ", state_->read, " cannot be decoded");
-    return tensor_of(frame, state_->most_side);
+    return tensor_of(frame, state_->most_side, state_->facts.recoloring);
 }
 
 bool FilmReader::skip() {
@@ -177,9 +246,6 @@ int checked(int code, const fs::path& path) {
                     av_make_error_string(text.data(), text.size(), code), ')');
 }
 
-struct CloseInput {
-    void operator()(AVFormatContext* file) const { avformat_close_input(&file); }
-};
 struct CloseOutput {
     void operator()(AVFormatContext* file) const {
         avio_closep(&file->pb);
@@ -225,7 +291,7 @@ public:
 
 private:
     fs::path path_;
-    std::unique_ptr<AVFormatContext, CloseInput> file_;
+    InputFile file_;
     std::unique_ptr<AVPacket, FreePacket> packet_;
     int index_ = -1;
     std::int64_t start_ = 0;

@@ -19,10 +19,11 @@ public:
     FilmReader(FilmReader&&) noexcept;
 
     [[nodiscard]] double frames_per_second() const;
-    /// As the file says, which may be wrong; 0 if it does not.
+    /// As the file says, or by its length, which may be wrong; 0 if it says neither.
     [[nodiscard]] std::int64_t stated_frames() const;
-    /// The next frame (height, width, 3) in [0, 1], upright; nothing at the end. Throws FileError
-    /// if it cannot be decoded, or the film was cut off: it ends long before its stated end.
+    /// The next frame (height, width, 3) in [0, 1], upright, with the colour space that the file
+    /// names (BT.601 where it names none); nothing at the end. Throws FileError if it cannot be
+    /// decoded, or the film was cut off: it ends long before the number of frames in the file.
     [[nodiscard]] std::optional<Tensor> next();
     /// Passes over the next frame without converting it; false at the end. Throws like `next`.
     [[nodiscard]] bool skip();

@@ -1,7 +1,5 @@
 #include "core/io/image.h"
 
-#include <OpenImageIO/imagebuf.h>
-#include <OpenImageIO/imagebufalgo.h>
 #include <OpenImageIO/imageio.h>
 #include <png.h>
 #include <zlib.h>
@@ -15,6 +13,7 @@
 #include "core/error.h"
 #include "core/io/image_bytes.h"
 #include "core/io/image_color.h"
+#include "core/io/image_orientation.h"
 #include "core/io/jpeg.h"
 
 namespace stymo {
@@ -107,17 +106,6 @@ struct Pixels {
     ColorTags tags{};
 };
 
-std::vector<float> turned_upright(const std::vector<float>& values, const OIIO::ImageSpec& size,
-                                  int channels, int orientation) {
-    OIIO::ImageSpec spec(size.width, size.height, channels, OIIO::TypeFloat);
-    spec.attribute("Orientation", orientation);
-    const OIIO::ImageBuf turned =
-        OIIO::ImageBufAlgo::reorient(OIIO::ImageBuf(spec, const_cast<float*>(values.data())), 1);
-    std::vector<float> result(values.size());
-    turned.get_pixels(turned.roi(), OIIO::TypeFloat, result.data());
-    return result;
-}
-
 /// Cameras write the number 2, or "uncalibrated" with DCF's name of Adobe RGB, R03
 /// (DCF 2.0, 3.3.5), as an EXIF entry of four characters, whose length stands before it.
 bool is_adobe_rgb(int exif_color_space, std::string_view bytes) {
@@ -204,7 +192,9 @@ Pixels read_pixels(const fs::path& path, std::int64_t most_pixels) {
         spec.height, spec.width, std::min(spec.nchannels, 4), spec.alpha_channel, false, {},
         {},          {}};
     pixels.alpha_multiplied = spec.get_int_attribute("oiio:UnassociatedAlpha", 0) == 0;
-    const int orientation = spec.get_int_attribute("Orientation", 1);
+    const int orientation = input->format_name() == std::string_view("webp")
+                                ? webp_orientation(bytes)
+                                : spec.get_int_attribute("Orientation", 1);
     pixels.values.resize(static_cast<std::size_t>(pixels.height) *
                          static_cast<std::size_t>(pixels.width) *
                          static_cast<std::size_t>(pixels.channels));
@@ -218,8 +208,10 @@ Pixels read_pixels(const fs::path& path, std::int64_t most_pixels) {
     pixels.tags = tags_of(*input, bytes);
     if (is_for_inks(pixels.tags.profile)) pixels.inks = inks_of(path, bytes, *input);
     if (orientation > 1 && orientation <= 8) {
-        pixels.values = turned_upright(pixels.values, spec, pixels.channels, orientation);
-        if (!pixels.inks.empty()) pixels.inks = turned_upright(pixels.inks, spec, 4, orientation);
+        pixels.values = turned_upright(pixels.values, pixels.height, pixels.width, pixels.channels,
+                                       orientation);
+        if (!pixels.inks.empty())
+            pixels.inks = turned_upright(pixels.inks, pixels.height, pixels.width, 4, orientation);
         constexpr int first_on_its_side = 5;
         if (orientation >= first_on_its_side) std::swap(pixels.width, pixels.height);
     }

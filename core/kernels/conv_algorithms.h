@@ -58,7 +58,11 @@ struct ConvFinish {
 #pragma omp simd
                 for (std::int64_t c = 0; c < channels; ++c) pixels[c] += offsets[c];
             }
-            if (factor != T(1)) {
+            if (factor == T(0)) {  // 0 times an overflow would be NaN
+#pragma omp simd
+                for (std::int64_t c = 0; c < channels; ++c)
+                    pixels[c] = pixels[c] <= T(0) ? T(0) : pixels[c];
+            } else if (factor != T(1)) {
 #pragma omp simd
                 for (std::int64_t c = 0; c < channels; ++c)
                     pixels[c] *= pixels[c] > T(0) ? T(1) : factor;

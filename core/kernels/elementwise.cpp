@@ -206,6 +206,9 @@ T leaky_factor(T value, double slope) {
 }  // namespace
 
 Tensor leaky_relu(const Tensor& x, double slope) {
+    // 0 times an overflow would be NaN.
+    if (slope == 0.0)
+        return map(x, [](auto value) { return value <= 0 ? decltype(value)(0) : value; });
     return map(x, [=](auto value) { return value * leaky_factor(value, slope); });
 }
 Tensor leaky_gate(const Tensor& x, const Tensor& sign, double slope, double gain) {

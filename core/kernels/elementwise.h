@@ -10,7 +10,6 @@ namespace stymo::kernels {
 [[nodiscard]] Tensor divide(const Tensor& a, const Tensor& b);
 [[nodiscard]] Tensor maximum(const Tensor& a, const Tensor& b);
 [[nodiscard]] Tensor minimum(const Tensor& a, const Tensor& b);
-/// 1 where a >= b, else 0.
 /// 1 where maximum or minimum is the first operand, else 0.
 [[nodiscard]] Tensor takes_maximum(const Tensor& a, const Tensor& b);
 [[nodiscard]] Tensor takes_minimum(const Tensor& a, const Tensor& b);

@@ -133,26 +133,6 @@ Tensor sum(const Tensor& x, std::uint32_t reduced) {
     return result;
 }
 
-Tensor maximum_along(const Tensor& x, int axis) {
-    const Blocks blocks = blocks_along(x.shape(), axis);
-    if (blocks.middle == 0)
-        fail<ShapeError>("[maximum_along] axis ", axis, " of ", x.shape(), " is empty");
-    Tensor y(x.shape().with(axis, 1), x.dtype());
-    dispatch(x.dtype(), [&]<class T>(T) {
-        const T* in = x.values<T>().data();
-        T* out = y.mutable_values<T>().data();
-        for (std::int64_t i = 0; i < blocks.outer * blocks.inner; ++i) {
-            const T* column =
-                in + i / blocks.inner * blocks.middle * blocks.inner + i % blocks.inner;
-            T largest = column[0];
-            for (std::int64_t j = 1; j < blocks.middle; ++j)
-                largest = std::max(largest, column[j * blocks.inner]);
-            out[i] = largest;
-        }
-    });
-    return y;
-}
-
 Tensor cumsum(const Tensor& x, int axis, bool exclusive) {
     const Blocks blocks = blocks_along(x.shape(), axis);
     Tensor y(x.shape(), x.dtype());

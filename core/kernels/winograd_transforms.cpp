@@ -183,8 +183,9 @@ void transform_products(const float* elements, std::int64_t element_stride, cons
         },
         [&](int row, int column, std::int64_t c, Vector v) {
             const Vector sum = simd::Add(v, simd::LoadU(Tag(), bias + c));
-            const Vector result =
-                simd::IfThenElse(simd::Gt(sum, simd::Zero(Tag())), sum, times(sum, slope));
+            const Vector zero = simd::Zero(Tag());
+            const Vector negative = slope == 0.0F ? zero : times(sum, slope);
+            const Vector result = simd::IfThenElse(simd::Lt(sum, zero), negative, sum);
             simd::StoreU(result, Tag(), tile[static_cast<std::size_t>(row * 4 + column)] + c);
         });
 }

@@ -28,10 +28,6 @@ Variable softplus(const Variable& x) {
                   {[](const Vjp& v) { return v.grad() * sigmoid(v.input(0)); }});
 }
 
-Variable log_sigmoid(const Variable& x) {
-    return -softplus(-x);
-}
-
 Variable leaky_relu(const Variable& x, double slope) {
     if (!(slope >= 0.0))
         fail<ValueError>("[leaky_relu] the slope must not be negative, got ", slope);
@@ -59,15 +55,6 @@ Variable prelu(const Variable& x, const Variable& slope) {
                        return where(positive, v.grad(), v.grad() * v.input(1));
                    },
                    [](const Vjp& v) { return -sum_to(v.grad() * relu(-v.input(0)), v.shape(1)); }});
-}
-
-Variable log_sum_exp(const Variable& x, int axis) {
-    const Variable largest(kernels::maximum_along(x.value(), x.shape().index(axis)));
-    return log(sum(exp(x - largest), {axis})) + largest;
-}
-
-Variable softmax(const Variable& x, int axis) {
-    return exp(x - log_sum_exp(x, axis));
 }
 
 Variable binary_cross_entropy_with_logits(const Variable& logit, const Variable& target) {

@@ -9,8 +9,6 @@ namespace stymo {
 [[nodiscard]] Variable tanh(const Variable& x);
 /// log(1 + exp(x)), computed as max(x, 0) + log1p(exp(-|x|)).
 [[nodiscard]] Variable softplus(const Variable& x);
-/// log(sigmoid(x)) = -softplus(-x)
-[[nodiscard]] Variable log_sigmoid(const Variable& x);
 /// Subgradient `slope` at 0. Throws ValueError for a negative slope.
 [[nodiscard]] Variable leaky_relu(const Variable& x, double slope);
 /// gain * x where sign > 0, else gain * slope * x: the derivative of leaky ReLU multiplied by x.
@@ -22,9 +20,6 @@ namespace stymo {
 }
 /// Leaky ReLU with one learnt slope for each channel (last axis).
 [[nodiscard]] Variable prelu(const Variable& x, const Variable& slope);
-/// log(sum(exp(x))) over `axis`, kept with extent 1; the largest element is subtracted first.
-[[nodiscard]] Variable log_sum_exp(const Variable& x, int axis);
-[[nodiscard]] Variable softmax(const Variable& x, int axis);
 /// Binary cross-entropy of a logit against a target t in [0, 1]: (1 - t) softplus(x) + t
 /// softplus(-x), elementwise.
 [[nodiscard]] Variable binary_cross_entropy_with_logits(const Variable& logit,

@@ -55,8 +55,15 @@ private:
     std::int64_t count_ = 0, index_ = -1;
 };
 
-/// The faces of up to `wanted` frames, each `stride` frames after the other. Counts all frames if
-/// `frames` is not null.
+/// Leaves out every second one.
+void thin_out(std::vector<FrameInWork>& keys) {
+    std::vector<FrameInWork> kept;
+    for (std::size_t i = 1; i < keys.size(); i += 2) kept.push_back(std::move(keys[i]));
+    keys = std::move(kept);
+}
+
+/// The faces of up to `wanted` frames, each `stride` frames after the other, or twice as many and
+/// so on if the film is longer than it says. Counts all frames if `frames` is not null.
 std::vector<FrameInWork> key_frames(const PhotoPreparation& preparation, const Model& model,
                                     FilmPart film, const FilmOptions& options, bool have_masks,
                                     std::int64_t stride, std::int64_t wanted,
@@ -66,6 +73,11 @@ std::vector<FrameInWork> key_frames(const PhotoPreparation& preparation, const M
         if (interrupted()) fail("interrupted; nothing was written");
         if (frames != nullptr) *frames = i;
         options.tell("reading", i, film.stated_frames());
+        if (frames == nullptr && std::ssize(keys) == wanted) return keys;
+        if (std::ssize(keys) == wanted && wanted > 1 && i >= 2 * film.stated_frames()) {
+            thin_out(keys);
+            stride *= 2;
+        }
         if (std::ssize(keys) == wanted || i % stride != stride / 2) {
             if (!film.skip()) return keys;
             continue;

@@ -113,6 +113,7 @@ FaceBatch make_batch(std::span<const Face> faces, std::int64_t smallest_target,
         batch.ids.push_back(face.id);
         batch.sources.push_back(face.source);
         batch.mirrored.push_back(face.is_mirrored);
+        batch.has_mask.push_back(face.has_mask);
         batch.cameras.push_back(camera_from_pose(face.pose, face.intrinsics));
     }
     add_codes(batch, faces);
@@ -134,6 +135,10 @@ void read_people_from(FaceBatch& batch, std::span<const Face> own, std::span<con
     for (const Face& face : others)
         batch.other_cameras.push_back(camera_from_pose(face.pose, face.intrinsics));
     batch.shared = std::move(shared);
+}
+
+bool FaceBatch::has_mask_of(std::int64_t row) const {
+    return mask.defined() && !has_mask.empty() && has_mask[static_cast<std::size_t>(row)];
 }
 
 Tensor FaceBatch::known_of(std::int64_t row) const {

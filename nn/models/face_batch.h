@@ -48,6 +48,7 @@ struct FaceBatch {
     std::vector<std::string> ids{};
     std::vector<std::string> sources{};  ///< of each face, as in Face; empty: of none
     std::vector<bool> mirrored{};  ///< whether a face is the mirror image of its photo; empty: none
+    std::vector<bool> has_mask{};  ///< of each face, as in Face; empty: none
     Tensor mask{};                 ///< (B, S, S, 1) in [0, 1], 0 where a pixel is unknown
     Tensor ray_mask{};  ///< (B, R, R, 1) in [0, 1], one value for each ray; R is half the smallest
                         ///< target's side
@@ -66,6 +67,8 @@ struct FaceBatch {
 
     /// The known pixels of a row, (1, S, S, 1); undefined if all are.
     [[nodiscard]] Tensor known_of(std::int64_t row) const;
+    /// Whether a row of `mask` is that of a photo, not 1 everywhere.
+    [[nodiscard]] bool has_mask_of(std::int64_t row) const;
     /// Whether any face of the batch has a code.
     [[nodiscard]] bool has_codes() const;
 };

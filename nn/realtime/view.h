@@ -40,9 +40,11 @@ inline constexpr double significant_weight = 1e-3;
 [[nodiscard]] View render_view(const Model& model, const Codes& codes, std::int64_t index,
                                const Camera& camera, const ViewOptions& options);
 
-/// The same with the decoder that training uses. It is the reference implementation of the
-/// renderer, and renders models that `FaceRenderer` cannot: those whose decoder does not fold and
-/// those in float64.
+/// The same with the decoder that training uses, which also shows what lies outside the volume that
+/// was trained (samples_in_trained_volume). There it differs: cameras from twice the model's
+/// distance on see other things there. It is the reference implementation of the renderer, and
+/// renders models that `FaceRenderer` cannot: those whose decoder does not fold and those in
+/// float64.
 [[nodiscard]] View decoded_view(const Model& model, const Codes& codes, std::int64_t index,
                                 const Camera& camera, const ViewOptions& options);
 

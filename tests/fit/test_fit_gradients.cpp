@@ -66,6 +66,7 @@ struct Photo {
                 .decoder()(random_codes(1, 8, 1.0, dtype), {camera}, {.samples_per_ray = samples})
                 .images.back()
                 .value()};
+        batch.has_mask = {true};
         batch.mask = Rng(4).uniform({1, 16, 16, 1}, 0.0, 1.0).to(dtype);
         for (std::size_t group = 0; group < code_sizes.size(); ++group)
             batch.codes[group] = Tensor::full({1, code_sizes[group]}, group == 0 ? 0.5 : 0.0);

@@ -195,7 +195,8 @@ TEST_CASE("a photo of few pixels is compared at the side that has them all", "[f
                     .pose = pose_from_camera(camera),
                     .intrinsics = camera.intrinsics,
                     .photo_side = photo_side,
-                    .code = {}};
+                    .code = {},
+                    .has_mask = true};
     };
     const auto side_of = [&](std::initializer_list<std::int64_t> photo_sides) {
         std::vector<Face> faces;

@@ -3,6 +3,7 @@
 #include "core/error.h"
 #include "core/ops/ops.h"
 #include "fit/tuning.h"
+#include "nn/losses.h"
 #include "nn/realtime/view.h"
 #include "support/check_close.h"
 #include "support/thread_count.h"
@@ -176,6 +177,43 @@ TEST_CASE("tuning uses each photo in turn", "[tuning]") {
     static_cast<void>(given.tuned({.steps = 1}, &first));
     CHECK(result.losses[0] == first.losses[0]);
     CHECK(result.losses[1] != first.losses[0]);
+}
+
+TEST_CASE("the mask branch learns each photo's own mask, and nothing of a photo without one",
+          "[tuning]") {
+    const Case given;
+    const std::int64_t side = given.original.decoder().ladder().largest();
+    const Camera other = model_camera(given.original, -0.3, 0.0, 0.0);
+    const Codes codes = split_codes(concat({joined(given.codes), joined(random_codes(1, 9))}, 0));
+    FaceBatch faces;
+    faces.cameras = {given.camera, other};
+    faces.targets = {concat({given.face.targets.back(), given.face.targets.back()}, 0).value()};
+    // The left half is the head of one photo, the right half that of the other.
+    faces.mask = Tensor::zeros({2, side, side, 1});
+    const auto values = faces.mask.mutable_values<float>();
+    for (std::size_t i = 0; i < values.size(); ++i) {
+        const bool left = static_cast<std::int64_t>(i) % side < side / 2;
+        values[i] = left == (i < values.size() / 2) ? 1.0F : 0.0F;
+    }
+    const auto mask_error = [&](const Model& model, std::int64_t row) {
+        const Decoded decoded = model.decoder()(codes_of_face(codes, row),
+                                                {faces.cameras[static_cast<std::size_t>(row)]},
+                                                {.samples_per_ray = 4, .mask = true});
+        return mask_loss(decoded.mask_logit, slice(Variable(faces.mask), 0, row, row + 1).value())
+            .value()
+            .item();
+    };
+    for (const bool has_mask : {true, false}) {
+        faces.has_mask = {has_mask, has_mask};
+        Model tuned = frozen_model(1);
+        static_cast<void>(tune_decoder(
+            given.original, tuned, given.loss, faces, codes, faces.cameras,
+            {.steps = 200,
+             .learning_rate = 0.06,
+             .weights = {.regularizer = 0.0, .locality = 0.0, .depth = 1.0, .mask = 4.0}}));
+        for (const std::int64_t row : {0, 1})
+            CHECK((mask_error(tuned, row) < 0.9 * mask_error(given.original, row)) == has_mask);
+    }
 }
 
 TEST_CASE("a tolerance of zero leaves out no sample", "[tuning]") {

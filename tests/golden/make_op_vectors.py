@@ -98,7 +98,6 @@ def elementwise():
         "sigmoid": (torch.sigmoid, WIDE),
         "tanh": (torch.tanh, WIDE),
         "softplus": (lambda x: F.softplus(x, threshold=1000.0), WIDE),
-        "log_sigmoid": (F.logsigmoid, WIDE),
         "leaky_relu": (lambda x: F.leaky_relu(x, 0.2), AROUND_ZERO),
         "relu": (F.relu, AROUND_ZERO),
     }
@@ -120,12 +119,6 @@ def activations():
         like(AROUND_ZERO, 2, 2, 2, 3),
         uniform(3),
     )
-    for axis in (-1, 0, 1):
-        spec = uniform(2, 3, 4, low=-2.0, high=2.0)
-        case(
-            f"log_sum_exp/axis {axis}", lambda x, a=axis: torch.logsumexp(x, a, keepdim=True), spec
-        )
-        case(f"softmax/axis {axis}", lambda x, a=axis: torch.softmax(x, a), spec)
     # The functional form has no gradient of order 2 for its target.
     case(
         "binary_cross_entropy_with_logits/elements",

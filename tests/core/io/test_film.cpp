@@ -1,3 +1,4 @@
+#include <array>
 #include <catch2/catch.hpp>
 #include <opencv2/core.hpp>
 #include <opencv2/videoio.hpp>
@@ -75,6 +76,29 @@ TEST_CASE("Films that are cut off and files that are no films are refused") {
         Contains("cut.avi: ends after ") && Contains(" of 40 frames, so it was cut off"));
     CHECK_THROWS_WITH(FilmReader(folder / "text.mp4"), Contains("text.mp4: no film"));
     CHECK_THROWS_WITH(FilmReader(folder / "none.mp4"), Contains("none.mp4: no such file"));
+}
+
+std::filesystem::path golden(const char* name) {
+    return std::filesystem::path(STYMO_SOURCE_DIR) / "tests/golden/films" / name;
+}
+
+TEST_CASE("The colours of a film are those of the colour space that it names") {
+    const Tensor frame = FilmReader(golden("bt709.mp4")).next().value();
+    REQUIRE(frame.shape() == Shape{32, 96, 3});
+    const std::array<std::array<double, 3>, 3> bars{
+        {{200.0, 150.0, 120.0}, {200.0, 50.0, 50.0}, {50.0, 200.0, 50.0}}};
+    for (std::size_t bar = 0; bar < bars.size(); ++bar)
+        for (std::size_t c = 0; c < 3; ++c)
+            CHECK(255.0 * static_cast<double>(
+                              frame.values<float>()[((16 * 96) + 32 * bar + 16) * 3 + c]) ==
+                  Approx(bars[bar][c]).margin(3.5));
+}
+
+TEST_CASE("A film whose file does not count its frames is read to its end") {
+    FilmReader film(golden("sparse.webm"));
+    int frames = 0;
+    while (film.next()) ++frames;
+    CHECK(frames == 6);
 }
 
 TEST_CASE("Sound is copied byte by byte under a film, whose pictures stay") {

@@ -102,6 +102,32 @@ TEST_CASE("a PNG with an orientation is turned upright") {
     check_values(read_image(golden("turned.png")), {2, 2, 3}, {0, 0, 1, 1, 0, 0, 1, 1, 1, 0, 1, 0});
 }
 
+TEST_CASE("a WebP is turned upright by each of the eight orientations") {
+    const ScratchFolder folder;
+    // 0, 40, 80 over 120, 160, 200, written losslessly by Pillow; the last number but six bytes is
+    // the orientation.
+    std::string bytes(
+        "RIFF\x62\0\0\0WEBPVP8X\x0a\0\0\0\x08\0\0\0\x02\0\0\x01\0\0VP8L\x22\0\0\0\x2f\x02\x40\0\0"
+        "\x2f\x20\x10\x48\xc2\xd9\x5f\x71\x89\x41\x19\x94\xf9\x4f\x6c\x43\x4d\xdb\x06\x6c\xa8"
+        "\xf3\x2f\xa7\x46\xf4\x3f\xa6\x17"
+        "EXIF\x1a\0\0\0MM\0\x2a\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x08\0\0\0\0\0\0",
+        106);
+    // Pillow's ImageOps.exif_transpose.
+    const std::vector<std::vector<double>> upright{
+        {0, 40, 80, 120, 160, 200}, {80, 40, 0, 200, 160, 120}, {200, 160, 120, 80, 40, 0},
+        {120, 160, 200, 0, 40, 80}, {0, 120, 40, 160, 80, 200}, {120, 0, 160, 40, 200, 80},
+        {200, 80, 160, 40, 120, 0}, {80, 200, 40, 160, 0, 120}};
+    for (std::size_t i = 0; i < upright.size(); ++i) {
+        bytes[bytes.size() - 7] = static_cast<char>(i + 1);
+        write_file(folder / "a.webp", bytes);
+        const bool on_its_side = i >= 4;
+        std::vector<double> expected;
+        for (const double value : upright[i]) expected.insert(expected.end(), 3, value);
+        check_values(read_image(folder / "a.webp"), {on_its_side ? 3 : 2, on_its_side ? 2 : 3, 3},
+                     expected, 255.0);
+    }
+}
+
 TEST_CASE("a JPEG with an orientation is turned upright") {
     const ScratchFolder folder;
     std::vector<float> values(16 * 8 * 3, 0.0F);
