@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/tensor_eigen.h"
+#include "render/continued_colors.h"
 #include "render/morphable/head_atlas.h"
 
 namespace stymo {
@@ -21,9 +22,11 @@ MorphableHead without_brows(MorphableHead head) {
     return head;
 }
 
-/// Colours (V, 4) of eyes and of the inside of the mouth where no view shows them: those of the
-/// head in the shade, as bright as this face's nose is against the head's.
-Tensor guessed_colors(const MorphableHead& head, const LaidHead& laid, const SeenFace& frontal) {
+/// Colours (V, 4) of what the views hardly show, with the small weights of baked_texture. The skin
+/// continues what they show; eyes and the inside of the mouth are those of the head in the shade,
+/// as bright as this face's nose is against the head's.
+Tensor guessed_colors(const MorphableHead& head, const LaidHead& laid, const SeenFace& frontal,
+                      const Tensor& shown) {
     Eigen::Array3f seen = Eigen::Array3f::Constant(1e-6F), expected = seen;
     for (std::size_t k = 27; k < 36; ++k) {
         const Eigen::Vector2f position = laid.landmarks[k].cast<float>();
@@ -32,12 +35,16 @@ Tensor guessed_colors(const MorphableHead& head, const LaidHead& laid, const See
     }
     const float brightness = std::clamp(seen.sum() / expected.sum(), 0.3F, 1.5F);
     constexpr float weight = 0.01F, shade = 0.7F;
+    const Tensor continued = continued_colors(shown, head.triangles);
     Tensor guess = Tensor::zeros({head.vertex_count(), 4});
     auto rows = mutable_matrix_map<float>(guess);
     for (Eigen::Index i = 0; i < rows.rows(); ++i) {
         const HeadPart part = head.parts[static_cast<std::size_t>(i)];
-        if (part != HeadPart::eyes && part != HeadPart::mouth) continue;
-        rows.row(i) << shade * brightness * matrix_map<float>(head.mean_albedo).row(i), weight;
+        if (part == HeadPart::eyes || part == HeadPart::mouth)
+            rows.row(i) << shade * brightness * matrix_map<float>(head.mean_albedo).row(i), weight;
+        else
+            rows.row(i) << matrix_map<float>(continued).row(i),
+                std::max(weight - matrix_map<float>(shown)(i, 3), 0.0F);
     }
     return guess;
 }
@@ -77,9 +84,13 @@ FaceMesh face_mesh(const Model& model, const Codes& codes, const MorphableHead& 
     take_vertices(face.head.vertices);
     std::vector<TextureView> pictures;
     for (const SeenFace& view : views) pictures.push_back({view.camera, view.image, view.mask});
+    const Tensor shown =
+        seen_colors(face.head.vertices, vertex_normals(face.head.vertices, head.triangles),
+                    head.triangles, pictures);
     face.surface.texture = baked_texture(
         face.surface, pictures,
-        at_atlas_vertices(atlas, guessed_colors(head, face.head, views.front())), texture_side);
+        at_atlas_vertices(atlas, guessed_colors(head, face.head, views.front(), shown)),
+        texture_side);
     if (neutral) take_vertices(neutral_vertices(head, face.head));
     face.shapes = arkit_shapes(head);
     face.targets = laid_targets(face.shapes, atlas, face.head);

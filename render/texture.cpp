@@ -68,6 +68,36 @@ float weight_in(const TextureView& view, const Tensor& depths, const Eigen::Vect
     return static_cast<float>(std::pow(cosine, 4.0)) * inside;
 }
 
+/// Where the surface hides itself in each picture.
+std::vector<Tensor> depths_in(const Tensor& vertices,
+                              std::span<const std::array<std::int32_t, 3>> triangles,
+                              std::span<const TextureView> views) {
+    std::vector<Tensor> depths;
+    for (const TextureView& view : views)
+        depths.push_back(rasterize(vertices, vertices, triangles, view.camera,
+                                   {view.image.shape(1), view.image.shape(0), 1})
+                             .depth);
+    return depths;
+}
+
+/// The sum of the pictures' colours of a point, times their weights, and that of the weights.
+Eigen::Array4f seen_at(const Eigen::Vector3d& point, const Eigen::Vector3d& normal,
+                       std::span<const TextureView> views, std::span<const Tensor> depths) {
+    Eigen::Array4f sum = Eigen::Array4f::Zero();
+    for (std::size_t k = 0; k < views.size(); ++k) {
+        Eigen::Vector2f position;
+        const float weight = weight_in(views[k], depths[k], point, normal, position);
+        if (weight == 0.0F) continue;
+        Eigen::Array4f seen = texel(views[k].image, position[0], position[1]);
+        seen[3] = 1.0F;
+        sum += weight * seen;
+    }
+    return sum;
+}
+
+/// A hundredth of the weight of one straight view is enough to be sure of a colour.
+constexpr float sure_weight = 0.01F;
+
 /// Fills texels of little weight with the mean of those around them: each level of a pyramid is
 /// filled with the next coarser one.
 void fill(Texels& texels, std::int64_t side) {
@@ -120,15 +150,33 @@ Eigen::Array4f texel(const Tensor& texture, float u, float v, float white) {
     return result;
 }
 
+Tensor seen_colors(const Tensor& vertices, const Tensor& normals,
+                   std::span<const std::array<std::int32_t, 3>> triangles,
+                   std::span<const TextureView> views) {
+    const std::vector<Tensor> depths = depths_in(vertices, triangles, views);
+    Tensor result({vertices.shape(0), 4});
+    const float *const points = vertices.values<float>().data(), *const directions =
+                                                                     normals.values<float>().data();
+    const std::span<float> values = result.mutable_values<float>();
+    parallel_for(vertices.shape(0), 1024, [&](std::int64_t begin, std::int64_t end) {
+        for (std::int64_t i = begin; i < end; ++i) {
+            const auto at = [i](const float* rows) {
+                return Eigen::Map<const Eigen::Vector3f>(rows + 3 * i).cast<double>().eval();
+            };
+            Eigen::Array4f sum = seen_at(at(points), at(directions), views, depths);
+            sum.head<3>() /= std::max(sum[3], 1e-20F);
+            sum[3] = std::min(sum[3], 1.0F);
+            std::ranges::copy(sum, values.begin() + 4 * i);
+        }
+    });
+    return result;
+}
+
 Tensor baked_texture(const TexturedMesh& mesh, std::span<const TextureView> views,
                      const Tensor& guess, std::int64_t side) {
     if (side < 1 || !std::has_single_bit(static_cast<std::uint64_t>(side)))
         fail<ValueError>("a texture's side is a power of two, not ", side);
-    std::vector<Tensor> depths;
-    for (const TextureView& view : views)
-        depths.push_back(rasterize(mesh.vertices, mesh.vertices, mesh.triangles, view.camera,
-                                   {view.image.shape(1), view.image.shape(0), 1})
-                             .depth);
+    const std::vector<Tensor> depths = depths_in(mesh.vertices, mesh.triangles, views);
     const RasterImage atlas = drawn_atlas(mesh, guess, side);
     Texels texels(static_cast<std::size_t>(side * side), Eigen::Array4f::Zero());
     parallel_for(side * side, 4096, [&](std::int64_t begin, std::int64_t end) {
@@ -140,16 +188,8 @@ Tensor baked_texture(const TexturedMesh& mesh, std::span<const TextureView> view
                 Eigen::Map<const Eigen::Vector3f>(at + 3).cast<double>().normalized();
             Eigen::Array4f& sum = texels[i];
             sum << Eigen::Map<const Eigen::Array3f>(at + 6) * at[9], at[9];
-            for (std::size_t k = 0; k < views.size(); ++k) {
-                Eigen::Vector2f position;
-                const float weight = weight_in(views[k], depths[k], point, normal, position);
-                if (weight == 0.0F) continue;
-                Eigen::Array4f seen = texel(views[k].image, position[0], position[1]);
-                seen[3] = 1.0F;
-                sum += weight * seen;
-            }
-            // A hundredth of the weight of one straight view is enough to be sure of a colour.
-            sum /= std::max(sum[3], 0.01F);
+            sum += seen_at(point, normal, views, depths);
+            sum /= std::max(sum[3], sure_weight);
         }
     });
     fill(texels, side);

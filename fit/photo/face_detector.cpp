@@ -101,6 +101,16 @@ Surroundings surroundings_of(const Tensor& photo, const DetectedFace& face) {
     return {scaled_image(part, scale), static_cast<double>(left), static_cast<double>(top), scale};
 }
 
+/// Largest first. A pattern that only resembles a face may be larger than the face.
+void sort_faces(std::vector<DetectedFace>& faces) {
+    constexpr double doubtful = 0.25;
+    double clearest = 0.0;
+    for (const DetectedFace& face : faces) clearest = std::max(clearest, face.confidence);
+    std::ranges::stable_sort(faces, {}, [&](const DetectedFace& face) {
+        return std::pair(face.confidence < doubtful * clearest, -face.width * face.height);
+    });
+}
+
 }  // namespace
 
 struct FaceDetector::Implementation {
@@ -206,9 +216,7 @@ std::vector<DetectedFace> FaceDetector::find(const Tensor& photo, FaceSearch sea
         if (!faces.empty()) break;
     }
     for (DetectedFace& face : faces) implementation_->find_landmarks(photo, face);
-    std::stable_sort(faces.begin(), faces.end(), [](const DetectedFace& a, const DetectedFace& b) {
-        return a.width * a.height > b.width * b.height;
-    });
+    sort_faces(faces);
     return faces;
 }
 

@@ -17,7 +17,9 @@ import { followFace, followHead, head, stopFollowing, windowIsOn } from "./windo
 const element = (id) => document.getElementById(id);
 
 async function snapshot() {
-  save(await (await post("frame", request("snapshot"))).blob(), "face.jpg");
+  const response = await post("frame", request("snapshot"));
+  if (response.status === 204) return;  // a newer one was asked for
+  save(await response.blob(), "face.jpg");
 }
 
 const shownFace = () => JSON.stringify({ face: state.face, sliders: state.sliders });
@@ -74,6 +76,7 @@ function connectKeys() {
     Escape: () => { cancelJob(); stopFollowing(); stopPlaying(); setPicking(false); },
   };
   addEventListener("keydown", (event) => {
+    if (document.querySelector("dialog[open]")) return;  // it gets all keys, also Escape
     const typing = event.target.matches("select, input[type=number], input[type=color]") &&
       event.key !== "Escape";
     if (typing || event.repeat || event.ctrlKey || event.metaKey || event.altKey) return;

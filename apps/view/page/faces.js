@@ -52,7 +52,10 @@ export function setFaces(answer) {
     if (!cards.has(face.face)) strip.append(card(face));
     cards.delete(face.face);
   }
-  for (const gone of cards.values()) gone.remove();
+  for (const gone of cards.values()) {
+    URL.revokeObjectURL(gone.querySelector("img").src);
+    gone.remove();
+  }
   mark();
 }
 
@@ -138,10 +141,13 @@ async function remove(id) {
   }
 }
 
+const isCodes = (file) => /\.json$/i.test(file.name);
+const isWeights = (file) => /\.safetensors$/i.test(file.name);
+
 /// Codes, tuned weights, or both of a face.
 export async function openFiles(files) {
-  const weights = files.find((file) => file.name.endsWith(".safetensors"));
-  const codes = files.find((file) => file.name.endsWith(".json"));
+  const weights = files.find(isWeights);
+  const codes = files.find(isCodes);
   if (codes && !await addFace({ file: await codes.text(), name: codes.name })) return;
   if (!weights) return;
   try {
@@ -154,31 +160,35 @@ export async function openFiles(files) {
   await watchJob(false);
 }
 
-let lastPhoto = null;
-let lastCover = null;  // of lastPhoto, for its other faces
+let asked = null;  // {file, cover}: the photo that the program has taken to fit
+let last = null;   // the last of these with a face in it, for Covered and Face
+const covered = document.getElementById("covered");
 const which = document.getElementById("which");
 const number = which.querySelector("select");
 
-/// Offers the faces of the last photo, counted from the left.
+/// Offers the faces of the photo that is fitted; none before they are found. A file without a face,
+/// or that is no image, fails before, so the last photo stays.
 export function offerFaces(count) {
-  if (!which.hidden || count < 2) return;
-  const names = Array.from({ length: count }, (_, i) => `${i + 1} from the left`);
-  number.replaceChildren(...["largest", ...names].map((name, i) => new Option(name, i)));
-  which.hidden = false;
+  if (!count || asked === last) return;
+  if (asked.file !== last?.file) nameFaces(count);
+  last = asked;
+  covered.disabled = false;
 }
 
-number.onchange = () => endJob().then(() => fitPhoto(lastPhoto, lastCover));
+function nameFaces(count) {
+  const names = Array.from({ length: count }, (_, i) => `${i + 1} from the left`);
+  number.replaceChildren(...["largest", ...names].map((name, i) => new Option(name, i)));
+  which.hidden = count < 2;
+}
+
+number.onchange = () => endJob().then(() => fitPhoto(last.file, last.cover));
 
 /// `cover`: a PNG mask that is white where something covers the face.
 export async function fitPhoto(file, cover = null) {
   if (!file) return;
   document.getElementById("welcome").hidden = true;
-  if (file !== lastPhoto) which.hidden = true;
-  lastPhoto = file;
-  lastCover = cover;
-  document.getElementById("covered").disabled = false;
   const query = new URLSearchParams({ tune: document.getElementById("tune").value });
-  if (!which.hidden) query.set("face", number.value);
+  if (file === last?.file && !which.hidden) query.set("face", number.value);
   if (cover) query.set("cover", cover.size);
   try {
     await post("photo?" + query, cover ? new Blob([file, cover]) : file);
@@ -186,13 +196,17 @@ export async function fitPhoto(file, cover = null) {
     say(error.message);
     return;
   }
+  asked = { file, cover };
   await watchJob(true);
 }
 
 export async function fitCovered() {
+  const { file } = last;
   try {
-    const cover = await paintCover(lastPhoto);
-    if (cover) await fitPhoto(lastPhoto, cover);
+    const cover = await paintCover(file);
+    if (!cover) return;
+    await endJob();
+    await fitPhoto(file, cover);
   } catch (error) {
     say(error.message);
   }
@@ -219,7 +233,7 @@ export function enableDrop() {
       return;
     }
     const files = [...event.dataTransfer.files];
-    if (files.some((file) => /\.(json|safetensors)$/.test(file.name))) openFiles(files);
+    if (files.some((file) => isCodes(file) || isWeights(file))) openFiles(files);
     else fitPhoto(files[0]);
   });
 }

@@ -71,8 +71,9 @@ async function finish(status, face, before) {
   await refreshFaces();
   if (status.state === "cancelled") say("Cancelled.");
   if (status.state === "done" && status.face) {
-    // Whoever has chosen another face meanwhile keeps it.
-    if (state.face === face || state.face === before) showFace(status.face);
+    // Whoever has chosen another face meanwhile keeps it, and so do sliders that were moved.
+    if (state.face === status.face) showFace(status.face, state.sliders);
+    else if (state.face === face || state.face === before) showFace(status.face);
     drawThumbnail(status.face);
     refreshSoon();
   } else if (face && !faceOf(face)) {

@@ -3,7 +3,7 @@
 import { ask } from "./api.js";
 import { watchJob } from "./job.js";
 import { say } from "./message.js";
-import { change, state } from "./state.js";
+import { change, clamp, state } from "./state.js";
 
 const list = document.getElementById("keys");
 const seconds = document.getElementById("seconds");
@@ -38,11 +38,18 @@ function along(name, part) {
   return Math.min(Math.max(value, Math.min(...all)), Math.max(...all));
 }
 
+// Within the limits of the field, which the program accepts. The field shows what is taken.
+function chosenSeconds() {
+  const chosen = clamp(Number(seconds.value), Number(seconds.min), Number(seconds.max));
+  seconds.value = chosen;
+  return chosen;
+}
+
 export function play() {
   if (keys.length < 2) return say("Add two views or more.");
   stopPlaying();
   const start = performance.now();
-  const duration = 1000 * Number(seconds.value);
+  const duration = 1000 * chosenSeconds();
   const step = (now) => {
     const part = Math.min((now - start) / duration, 1);
     const names = ["yaw", "pitch", "roll", "distance"];
@@ -60,7 +67,7 @@ async function saveFilm(format) {
   if (keys.length < 2) return say("Add two views or more.");
   try {
     await ask("film", { face: state.face, sliders: state.sliders, keys, format,
-      seconds: Number(seconds.value), fps: format === "mp4" ? 30 : 20 });
+      seconds: chosenSeconds(), fps: format === "mp4" ? 30 : 20 });
   } catch (error) {
     return say(error.message);
   }

@@ -31,6 +31,7 @@ export function change(update) {
 }
 
 export function turn(yaw, pitch, distance = 1) {
+  if (state.eye) return;  // the window's view is shown, and the camera stays as it was before
   const camera = state.camera;
   change({ camera: {
     ...camera,
