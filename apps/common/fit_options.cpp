@@ -142,13 +142,12 @@ void declare_film(Command& command, FilmOptions& options) {
         .needs("--video");
     command
         .option("--every", options.every,
-                "with --video: takes each frame of this distance, so that a long film takes less "
-                "time")
+                "with --video: takes every Nth frame, so that a long film takes less time")
         .range(1, 10000)
         .needs("--video");
     command
         .option("--most-frames", options.most_frames,
-                "with --video: number of frames after which it ends; 0: at the film's end")
+                "with --video: stops after so many frames; 0: at the film's end")
         .range(0, 1e9)
         .needs("--video");
 }

@@ -3,7 +3,9 @@
 #include <unistd.h>
 
 #include <array>
+#include <csignal>
 #include <cstdlib>
+#include <cstring>
 #include <exception>
 #include <filesystem>
 #include <iostream>
@@ -37,6 +39,26 @@ const char* tool_name = "stymo";
     ::_exit(1);
 }
 
+/// Says in a line what ends the process, and lets it end so.
+extern "C" void end_by_signal(int number) {
+    constexpr std::string_view text = ": interrupted\n";
+    static_cast<void>(::write(STDERR_FILENO, tool_name, std::strlen(tool_name)) < 0);
+    static_cast<void>(::write(STDERR_FILENO, text.data(), text.size()) < 0);
+    ::raise(number);
+}
+
+/// Loops that can end in order replace these handlers (InterruptGuard).
+void say_signals() {
+    struct sigaction action {};
+    action.sa_handler = end_by_signal;
+    action.sa_flags = static_cast<int>(SA_RESETHAND);
+    for (const int number : {SIGINT, SIGTERM}) {
+        struct sigaction former {};
+        sigaction(number, nullptr, &former);
+        if (former.sa_handler == SIG_DFL) sigaction(number, &action, nullptr);
+    }
+}
+
 }  // namespace
 
 void shorten_spinning(char** argv) {
@@ -55,6 +77,7 @@ void shorten_spinning(char** argv) {
 int guarded_main(int (*tool)(int, char**), const char* name, int argc, char** argv) noexcept {
     tool_name = name;
     std::set_terminate(end_with_one_line);
+    say_signals();
     // What leaves a function that may not throw ends in the handler.
     return tool(argc, argv);
 }

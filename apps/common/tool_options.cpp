@@ -142,11 +142,11 @@ void declare_perceptual_weight(Command& command, LpipsOptions& options) {
         .one_of({"encoder", "squeeze", "vgg16", "alex"});
     command
         .option("--perceptual-weight", options.perceptual_weight,
-                "weight of LPIPS while fitting, 0: no LPIPS (default: the model's setting)")
+                "weight of the perceptual term while fitting (default: the model's setting)")
         .range(0, 1e6);
     command
         .option("--perceptual-resolution", options.perceptual_resolution,
-                "largest side of the images that LPIPS compares while fitting, 0: no limit "
+                "largest side of the images that the perceptual term compares, 0: no limit "
                 "(default: the model's setting)")
         .range(0, 4096);
 }

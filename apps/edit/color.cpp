@@ -36,6 +36,7 @@ struct ColorOptions {
     std::string color;
     std::string term = "mean";
     std::optional<std::int64_t> samples;
+    std::optional<double> learning_rate, regularizer;  ///< empty: keep_near_faces
     ColorEditOptions edit;
 };
 
@@ -161,6 +162,9 @@ AppResult color(ColorOptions options) {
     const Model model = load_model(options.model, ModelParts::decoder);
     options.edit.samples_per_ray =
         options.samples.value_or(model.config().reconstruction.fit_samples_per_ray);
+    keep_near_faces(model, options.edit);
+    if (options.learning_rate) options.edit.learning_rate = *options.learning_rate;
+    if (options.regularizer) options.edit.regularizer = *options.regularizer;
     const CodeFile face = read_own_codes(options.codes, options.model);
     FaceParser parser(options.parser);
     const Camera camera = camera_from_pose(face.pose, model.config().camera.intrinsics);
@@ -231,13 +235,16 @@ void declare_color(CommandLine& line) {
                 "pixels as in the paper")
         .one_of({"mean", "pixels"});
     command.option("--steps", edit.steps, "optimiser steps").range(0, 1e6);
-    command.option("--learning-rate", edit.learning_rate, "learning rate of the first step")
+    command
+        .option("--learning-rate", options->learning_rate,
+                "learning rate of the first step (default: by the variation of the model's faces)")
         .range(0, 10);
     command.option("--decay", edit.decay, "factor on the learning rate after each step")
         .range(0, 1);
     command
-        .option("--regularizer", edit.regularizer,
-                "weight of the squared code offset; negative: the model's setting")
+        .option("--regularizer", options->regularizer,
+                "weight of the squared code offset; negative: that of fits (default: by the "
+                "variation of the model's faces)")
         .range(-1, 1e6);
     command.option("--rest-weight", edit.rest_weight, "weight of the change outside the part")
         .range(0, 1e6);

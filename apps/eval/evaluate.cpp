@@ -158,11 +158,14 @@ private:
     [[nodiscard]] std::string text() const {
         double initial = 0.0;
         double last = 0.0;
+        bool fitted = false;
         for (const auto& [position, score] : scores_) {
             initial += score.regions.front().initial.psnr / static_cast<double>(scores_.size());
             last += score.regions.front().last().psnr / static_cast<double>(scores_.size());
+            fitted = fitted || score.regions.front().fitted;
         }
-        return text_from("PSNR ", decimal(initial, 2), " initial, ", decimal(last, 2), " fitted");
+        const std::string first = text_from("PSNR ", decimal(initial, 2), " initial");
+        return fitted ? text_from(first, ", ", decimal(last, 2), " fitted") : first;
     }
 
     const Dataset& faces_;

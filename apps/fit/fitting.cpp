@@ -100,7 +100,7 @@ FolderFit::FolderFit(const Fitting& fitting, fs::path photos, const fs::path& ou
     : fitting_(fitting),
       photos_(std::move(photos)),
       ranks_(ranks),
-      scan_((ResultFolder::require_own(out), ResultFolder::require_apart(out, photos_),
+      scan_((ResultFolder::require_apart(out, photos_), ResultFolder::require_own(out),
              scan_folder(photos_))),
       results_(out, settings, "faces", "file", ranks) {
     for (const FaceFiles& files : scan_.faces) {

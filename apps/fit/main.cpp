@@ -208,8 +208,9 @@ stymo::FitJobOptions job_options(const Options& options) {
     // A folder in the FFHQ format does not say to which head its codes belong.
     if (options.face.as_it_comes() || !job.preparation.morphable.empty())
         job.head = job.preparation.morphable;
-    job.preparation.no_face_advice =
-        "; if it is an aligned crop already, give --mask and --pose, or --as-is";
+    if (options.images.empty())
+        job.preparation.no_face_advice =
+            "; if it is an aligned crop already, give --mask and --pose, or --as-is";
     return job;
 }
 
@@ -254,6 +255,9 @@ stymo::AppResult fit(const Options& options, const stymo::CommandLine& line) {
     }
     stymo::require_photo(options.face);
     require_inputs_kept(options);
+    // The networks take seconds to read.
+    for (const std::string& image : options.face.images)
+        static_cast<void>(stymo::read_beginning(image, 1));
     const stymo::Fitting fitting(options.model, options.lpips, job_options(options));
     const stymo::FitJob& job = fitting.job;
     Output output(options.out, fitting.mark);

@@ -118,9 +118,8 @@ PreparationRun::PreparationRun(FolderPreparation folders, const PhotoPreparation
     : folders_(std::move(folders)),
       preparation_(preparation),
       ranks_(ranks),
-      scan_((ResultFolder::require_own(folders_.out),
-             ResultFolder::require_apart(folders_.out, folders_.photos),
-             scan_folder(folders_.photos))),
+      scan_((ResultFolder::require_apart(folders_.out, folders_.photos),
+             ResultFolder::require_own(folders_.out), scan_folder(folders_.photos))),
       results_(folders_.out, settings, "progress", "file", ranks) {
     for (const FaceFiles& files : scan_.faces) {
         // Finds out whether there is a detector.

@@ -95,8 +95,8 @@ void declare_view(stymo::Command& line, stymo::RenderOptions& options) {
     line.option("--pitch", options.pitch, "degrees").range(-180, 180);
     line.option("--roll", options.roll, "degrees").range(-180, 180);
     line.option("--around", options.around,
-                "what the head turns around: the middle of the head, which then stays in the image "
-                "as a whole, or the face, which stays in the middle of the image")
+                "what the head turns around: its middle, so that from -45 to 45 degrees no more of "
+                "it leaves the image than from the front, or the face, which stays in the middle")
         .one_of({"head", "face"});
     line.option("--size", options.renderer.resolution,
                 "side of the image: 64, 128, 256 or 512; 0: the model's resolution")

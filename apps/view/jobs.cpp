@@ -126,22 +126,6 @@ private:
     bool fitted_ = false;
 };
 
-/// Keeps the codes close to those of real faces, even for a colour that no face has: steps and
-/// offsets are scaled by the variation of the training faces' textures.
-void keep_near_faces(const Model& model, ColorEditOptions& options) {
-    if (!model.code_statistics()) return;
-    constexpr std::size_t texture = 2;
-    constexpr double step = 0.1, regularizer = 0.03;
-    const std::vector<double> factor = model.code_statistics()->factor().to_vector();
-    double variance = 0.0;
-    const std::int64_t first = code_sizes[0] + code_sizes[1];
-    for (std::int64_t i = first * code_size; i < (first + code_sizes[texture]) * code_size; ++i)
-        variance += factor[static_cast<std::size_t>(i)] * factor[static_cast<std::size_t>(i)];
-    if (!(variance > 0.0)) return;
-    options.learning_rate = step * std::sqrt(variance / static_cast<double>(code_sizes[texture]));
-    options.regularizer = regularizer / variance;
-}
-
 /// 1 on the part of the head that the user points at. Throws ValueError for a point beside it.
 Tensor pointed_part(const SharedState& shared, const ListedFace& face, const ColorQuery& query) {
     const ViewOptions as_shown{
@@ -263,12 +247,9 @@ Job::Body save_tuned(SharedState& shared, const ListedFace& face) {
     return [&shared, face](Job& job) {
         const auto lock = wait_for_heavy_work(shared, job);
         job.report("saving the tuned weights", 0, 0);
-        // The file holds all changes against the model of --model, including those of --tuned.
-        const Model plain =
-            load_model({.file = shared.options().model.file, .tuned = {}}, ModelParts::decoder);
         const std::string bytes =
             written_bytes(".safetensors", [&](const std::filesystem::path& file) {
-                WeightChanges::between(plain, *face.model).save(file);
+                WeightChanges::between(*shared.model(), *face.model).save(file);
             });
         job.set_artifact({bytes, "application/octet-stream", "tuned.safetensors"});
     };

@@ -77,9 +77,9 @@ int stymo_view(int argc, char** argv) {
                             "Shows faces in a web browser: turns, mixes, recolours and fits them. "
                             "Serves its page on this machine alone unless told otherwise.");
     stymo::declare_model(line, options.viewer.model);
-    stymo::declare_tuned(line, options.viewer.model);
     line.option("--codes", options.viewer.codes,
                 "codes.json of a face to begin with; may be repeated (default: drawn faces)");
+    line.requiring("--codes", [&] { stymo::declare_tuned(line, options.viewer.model); });
     line.option("--parser", options.viewer.parser,
                 "ONNX file of a face parser, which finds the part to recolour (default: the "
                 "region of similar colour)");
@@ -107,9 +107,10 @@ int stymo_view(int argc, char** argv) {
         .range(1, 10000);
     line.option("--color-steps", options.viewer.color_steps, "steps of recolouring a part")
         .range(1, 10000);
-    line.option(
-            "--max-pixels", options.viewer.most_photo_pixels,
-            "photos with more pixels are refused, and files with more bytes than this or 64 MiB")
+    line.option("--max-pixels", options.viewer.most_photo_pixels,
+                "photos with more pixels are refused, and so are files with more than one byte a "
+                "pixel and "
+                "more than 64 MiB")
         .range(1, 1e12);
     line.option("--sessions", options.most_sessions, "largest number of open pages").range(1, 1000);
     return line.run(argc, argv, [&](const stymo::CommonOptions&) { return serve(options); });

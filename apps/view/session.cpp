@@ -36,8 +36,7 @@ Session::Session(std::string id, SharedState& shared)
       shared_(shared),
       faces_(shared.tuned_models()),
       requests_(requests_per_second, requests_at_once) {
-    for (const auto& [name, face] : shared.first_faces())
-        static_cast<void>(faces_.add({name, face, shared.model()}));
+    for (const ListedFace& face : shared.first_faces()) static_cast<void>(faces_.add(face));
 }
 
 Session::~Session() {

@@ -15,25 +15,39 @@ constexpr std::int64_t directions_of_group = 6;
 constexpr std::uint64_t drawn_faces = 6;
 constexpr double usual_truncation = 0.7;
 
+/// A fit's folder tells more than its codes.json.
+std::string name_of(const std::filesystem::path& file) {
+    const std::filesystem::path folder = std::filesystem::absolute(file).parent_path().filename();
+    const std::string stem = file.stem().string();
+    return stem == "codes" && !folder.empty() ? folder.string() : stem;
+}
+
 }  // namespace
 
 SharedState::SharedState(const ViewerOptions& options) : options_(options) {
     if (options.codes.size() > FaceList::most_faces)
         fail<UsageError>("--codes: a page has room for ", FaceList::most_faces, " faces, not for ",
                          options.codes.size());
-    model_ = std::make_shared<const Model>(load_model(options.model));
+    model_ = std::make_shared<const Model>(load_model({.file = options.model.file, .tuned = {}}));
     mark_ = model_mark(options.model);
     // Reports unreadable files at the start instead of at the first use by the page.
     if (!options.parser.empty()) static_cast<void>(FaceParser(options.parser));
     if (model_->code_statistics())
         directions_ = leading_directions(*model_->code_statistics(), directions_of_group);
+    const bool tuned = !options.model.tuned.empty();
+    const auto model_of_codes =
+        tuned ? std::make_shared<const Model>(load_model(options.model, ModelParts::decoder))
+              : model_;
     for (const std::string& file : options.codes)
-        first_faces_.emplace_back(std::filesystem::path(file).stem().string(),
-                                  read_code_file(file, mark_));
+        first_faces_.push_back({.name = name_of(file),
+                                .face = read_code_file(file, mark_),
+                                .model = model_of_codes,
+                                .tuned = tuned});
     if (first_faces_.empty() && model_->code_statistics()) {
         for (std::uint64_t seed = 1; seed <= drawn_faces; ++seed)
-            first_faces_.emplace_back("drawn " + std::to_string(seed),
-                                      drawn_face(seed, usual_truncation));
+            first_faces_.push_back({.name = "drawn " + std::to_string(seed),
+                                    .face = drawn_face(seed, usual_truncation),
+                                    .model = model_});
     }
     if (first_faces_.empty())
         fail<UsageError>("--codes is required: the model has no statistics to draw faces from");

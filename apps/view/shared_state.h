@@ -22,7 +22,7 @@
 namespace stymo::view {
 
 struct ViewerOptions {
-    ModelOptions model;
+    ModelOptions model;              ///< `tuned` is for the faces of `codes` alone
     std::vector<std::string> codes;  ///< files of the faces with which every session starts
     std::filesystem::path parser;  ///< face parser that finds the part to recolour; empty: the part
                                    ///< is found by its colour
@@ -45,9 +45,8 @@ public:
     [[nodiscard]] const std::shared_ptr<const Model>& model() const { return model_; }
     /// With it the codes of the model are marked.
     [[nodiscard]] const std::string& mark() const { return mark_; }
-    [[nodiscard]] const std::vector<std::pair<std::string, CodeFile>>& first_faces() const {
-        return first_faces_;
-    }
+    /// Those of the command line have its tuned model.
+    [[nodiscard]] const std::vector<ListedFace>& first_faces() const { return first_faces_; }
     /// Directions of the sliders; empty groups for a model without code statistics.
     [[nodiscard]] const std::array<GroupDirections, code_names.size()>& directions() const {
         return directions_;
@@ -75,7 +74,7 @@ private:
     ViewerOptions options_;
     std::shared_ptr<const Model> model_;
     std::string mark_;
-    std::vector<std::pair<std::string, CodeFile>> first_faces_;
+    std::vector<ListedFace> first_faces_;
     std::array<GroupDirections, code_names.size()> directions_;
     std::mutex made_when_needed_;
     std::mutex preparing_;  ///< its networks take a while to read; nothing else waits for them

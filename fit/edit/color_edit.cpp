@@ -96,6 +96,19 @@ Tensor region_at(const Tensor& image, double x, double y, double reach) {
     return result;
 }
 
+void keep_near_faces(const Model& model, ColorEditOptions& options) {
+    if (!model.code_statistics()) return;
+    constexpr double step = 0.1, regularizer = 0.03;
+    const std::vector<double> factor = model.code_statistics()->factor().to_vector();
+    double variance = 0.0;
+    const std::int64_t first = code_sizes[0] + code_sizes[1];
+    for (std::int64_t i = first * code_size; i < (first + code_sizes[texture]) * code_size; ++i)
+        variance += factor[static_cast<std::size_t>(i)] * factor[static_cast<std::size_t>(i)];
+    if (!(variance > 0.0)) return;
+    options.learning_rate = step * std::sqrt(variance / static_cast<double>(code_sizes[texture]));
+    options.regularizer = regularizer / variance;
+}
+
 ColorObjective::ColorObjective(const Model& model, const Codes& codes, const Camera& camera,
                                const Tensor& part, const Eigen::Vector3d& color,
                                const ColorEditOptions& options)

@@ -47,6 +47,11 @@ struct ColorEditOptions {
     std::function<void(std::int64_t, double)> on_step = {};
 };
 
+/// Sets learning rate and regularizer so that the codes stay close to those of real faces, even for
+/// a colour that no face has: both are scaled by the variation of the training faces' textures.
+/// Leaves them for a model without code statistics.
+void keep_near_faces(const Model& model, ColorEditOptions& options);
+
 struct ColorEdit {
     Codes codes;                 ///< the codes of the face with another texture
     Tensor before;               ///< (S, S, 3) in [0, 1]

@@ -56,7 +56,7 @@ TEST_CASE("a still frame is the exact view, a moving one is as near as promised"
     const view::Answer still = client.ask("frame", frame_of(face, "still", 20.0));
     const Tensor image = picture(still);
     const Model& model = *client.shared().model();
-    const Codes codes = client.shared().first_faces().front().second.codes;
+    const Codes codes = client.shared().first_faces().front().face.codes;
     const View view = render_view(
         model, codes, 0,
         turned_camera(model.config().camera, head_middle, radians_from_degrees(20.0), 0.0, 0.0),
@@ -527,7 +527,7 @@ TEST_CASE("a newer frame takes the place of one that waits, and none is lost", "
 TEST_CASE("a frame that waits is dropped when a newer one is asked for", "[view]") {
     ViewClient client;
     view::Scheduler scheduler({});
-    const Codes codes = client.shared().first_faces().front().second.codes;
+    const Codes codes = client.shared().first_faces().front().face.codes;
     // Frames of this size take so long that two more requests come while one is rendered.
     ModelConfig config = test::tiny_model_config();
     config.decoder.resolution = 512;

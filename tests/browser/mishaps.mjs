@@ -116,7 +116,8 @@ test("seconds that are too few are shown as those that are played", async (page)
   await page.click("#reset");
   await page.click("#play");
   assert.equal(await page.inputValue("#seconds"), "0.5");
-  await page.waitForFunction((end) => window.stymo.state.camera.yaw === end, yaw);
+  await page.waitForFunction(
+    (end) => Math.abs(window.stymo.state.camera.yaw - end) < 1e-6, yaw);
 });
 
 test("codes are dropped whatever the case of their ending", async (page) => {

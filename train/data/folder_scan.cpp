@@ -156,8 +156,9 @@ bool id_less(const std::string& a, const std::string& b) {
 FolderScan scan_folder(const fs::path& folder) {
     if (!fs::is_directory(folder)) {
         const bool is_file = fs::is_regular_file(folder);
-        fail<FileError>(folder.string(), is_file ? ": a file (" : ": no such folder",
-                        is_file ? reason_against(folder) : "", is_file ? ")" : "",
+        const std::string reason = is_file ? reason_against(folder) : "";
+        fail<FileError>(folder.string(), is_file ? ": a file" : ": no such folder",
+                        reason.empty() ? "" : " (" + reason + ")",
                         "; give a folder of face images");
     }
     try {
