@@ -46,7 +46,7 @@ test("sliders that are moved while a face is tuned stay", async (page) => {
   assert.equal(face, job.face);
   assert.equal(sliders.id[0], 2.5);
   assert.ok(await page.locator("#tuned").isVisible());
-});
+}, { slow: true });
 
 test("files that are refused are not the last photo", async (page) => {
   await page.setInputFiles("#photo", notes);
