@@ -174,9 +174,6 @@ stymo::FittedFaces fitted(const stymo::FitJob& job, const std::vector<stymo::Fac
 
 stymo::AppResult reports(const stymo::Fitting& fitting, const Faces& photos,
                          const stymo::FittedFaces& done, const Output& output) {
-    if (fitting.lpips == nullptr)
-        std::cerr << "LPIPS is not measured; name its weights with --lpips-trunk and --lpips-heads"
-                  << std::endl;
     for (const std::string& warning : done.warnings)
         std::cerr << "warning: " << warning << std::endl;
     stymo::AppResult result;

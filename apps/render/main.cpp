@@ -18,6 +18,8 @@ void require_names(const stymo::RenderOptions& options) {
         stymo::fail<stymo::UsageError>("--out is required");
     if (options.sample > 0 && options.out.empty())
         stymo::fail<stymo::UsageError>("--sample needs --out, a folder");
+    if (!options.take.empty() && options.to.empty() && options.sample == 0)
+        stymo::fail<stymo::UsageError>("--take requires --to or --sample");
     if (!options.mesh.empty()) stymo::require_extension(options.mesh, {".ply"});
     if (options.cutout && options.sample == 0 && options.out.extension() != ".png")
         stymo::fail<stymo::UsageError>("--cutout needs a .png file as --out; ",

@@ -220,16 +220,17 @@ void TimedServer::serve(socket_t socket) {
 
 void TimedServer::enter() {
     std::unique_lock lock(mutex_);
-    ++open_;
-    while (open_ > limits_.connections) {
+    while (open_ >= limits_.connections) {
         const auto slowest =
             std::ranges::min_element(heads_, {}, [](const auto& head) { return head.second; });
         if (slowest != heads_.end() && Clock::now() - slowest->second > patience) {
             ::shutdown(slowest->first, SHUT_RDWR);
             heads_.erase(slowest);
         }
-        left_.wait_for(lock, 50ms, [this] { return open_ <= limits_.connections; });
+        left_.wait_for(lock, 50ms, [this] { return open_ < limits_.connections; });
     }
+    // Those that wait do not count: enough of them would keep each other out.
+    ++open_;
 }
 
 void TimedServer::leave() {

@@ -111,8 +111,9 @@ TEST_CASE("Malformed command lines are refused, in one line that says why") {
         {image + "--grid-yaw 1:2:1000", 2,
          "--grid-yaw 1:2:1000: give FROM:TO:COUNT in degrees, such as -30:30:5, of 1 to 100 "
          "angles"},
-        {image + "--take nose", 2,
-         "--take nose: \"nose\" is no group of codes; there are id, expr, tex and light"},
+        {image + "--to fit/codes.json --take nose", 2,
+         "--take nose: \"nose\" is no group of codes; there are id, expr, tex "
+         "and light"},
         {render + "--out out.gif --orbit -3", 2, "--orbit: -3 is not a number in [0, 10000]"},
         {render + "--mesh out.obj", 2, "out.obj: the name must end in .ply"},
         {image + "--mesh-level 1", 2, "--mesh-level requires --mesh"},

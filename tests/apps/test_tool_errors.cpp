@@ -60,6 +60,7 @@ TEST_CASE("Wrong usage of a tool exits with 2") {
         {"stymo-eval", "--data"},
         {"stymo-eval --model run/model.safetensors", "--data"},
         {"stymo-eval pair whole.jpg", "B"},
+        {render + "--take tex --out out.png", "--to or --sample"},
         {"stymo-eval pair whole.jpg whole.jpg --lpips-heads random", "--lpips"},
         {eval + "--lpips-heads random", "--lpips or --fit"},
         {eval + "--lpips resnet", "--lpips"},
@@ -308,7 +309,9 @@ TEST_CASE(
                    {"stymo-eval --model run/model.safetensors --data faces --out faces/images/eval",
                     "would count as photos"}},
                   failed);
-    check_refused({{"stymo-synth --out faces --count 5 --size 64", "faces/images/"}}, failed);
+    check_refused({{"stymo-synth --out faces --count 5 --size 64", "faces/images/"},
+                   {"stymo-synth --out faces --count 20 --size 32", "of other options"}},
+                  failed);
 }
 
 TEST_CASE(
