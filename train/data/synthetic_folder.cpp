@@ -34,17 +34,6 @@ void require_no_other_images(const std::filesystem::path& folder,
     }
 }
 
-/// Faces of other options would silently be replaced. The first of them tells: its landmarks are in
-/// pixels.
-void require_same_faces(const std::filesystem::path& folder, const WrittenFace& first) {
-    const std::filesystem::path file = folder / "faces.jsonl";
-    if (!std::filesystem::exists(file)) return;
-    const std::string text = read_file(file);
-    if (text.substr(0, text.find('\n')) != first.record.text())
-        fail<FileError>(folder.string(),
-                        ": holds faces of other options; choose another folder or remove it");
-}
-
 }  // namespace
 
 double truncated_normal(Rng& rng, double deviation, double limit) {
@@ -88,7 +77,6 @@ void write_faces(const std::vector<std::string>& ids, const Intrinsics& intrinsi
                  const std::function<WrittenFace(std::int64_t)>& render,
                  const std::function<void(std::int64_t)>& progress) {
     require_no_other_images(folder, ids);
-    require_same_faces(folder, render(0));
     FolderInProgress output(folder);
     require_writable_folder(output.path() / "images");
     require_writable_folder(output.path() / "masks");
