@@ -108,9 +108,8 @@ int stymo_view(int argc, char** argv) {
     line.option("--color-steps", options.viewer.color_steps, "steps of recolouring a part")
         .range(1, 10000);
     line.option("--max-pixels", options.viewer.most_photo_pixels,
-                "photos with more pixels are refused, and so are files with more than one byte a "
-                "pixel and "
-                "more than 64 MiB")
+                "photos with more pixels are refused; a file may have as many bytes, at least 64 "
+                "MiB")
         .range(1, 1e12);
     line.option("--sessions", options.most_sessions, "largest number of open pages").range(1, 1000);
     return line.run(argc, argv, [&](const stymo::CommonOptions&) { return serve(options); });
