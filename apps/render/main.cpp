@@ -96,6 +96,11 @@ void declare_view(stymo::Command& line, stymo::RenderOptions& options) {
         .range(-180, 180);
     line.option("--pitch", options.pitch, "degrees").range(-180, 180);
     line.option("--roll", options.roll, "degrees").range(-180, 180);
+    line.option(
+            "--distance", options.distance,
+            "distance of the camera, as a multiple of the usual one. Default: 1.2 with --sample, "
+            "which also shows hair that the image would cut, otherwise 1")
+        .range(0.6, 2.5);
     line.option("--around", options.around,
                 "what the head turns around: its middle, so that from -45 to 45 degrees no more of "
                 "it leaves the image than from the front, or the face, which stays in the middle")

@@ -41,12 +41,27 @@ CodeGroups groups_of(const std::string& list) {
     return list.empty() ? all : parse_code_groups(list);
 }
 
+/// What the head turns around.
+Eigen::Vector3d turning_point(const RenderOptions& options, const CameraConfig& camera) {
+    return {0.0, 0.0, options.around == "head" ? head_middle : camera.pivot_depth};
+}
+
 Pose pose_of_degrees(const RenderOptions& options, const Model& model, double yaw, double pitch,
                      double roll) {
     const CameraConfig& camera = model.config().camera;
-    return pose_from_camera(turned_camera(
-        camera, options.around == "head" ? head_middle : camera.pivot_depth,
-        radians_from_degrees(yaw), radians_from_degrees(pitch), radians_from_degrees(roll)));
+    return pose_from_camera(turned_camera(camera, turning_point(options, camera).z(),
+                                          radians_from_degrees(yaw), radians_from_degrees(pitch),
+                                          radians_from_degrees(roll), options.chosen_distance()));
+}
+
+/// The pose from the distance of the options.
+Pose moved_away(const RenderOptions& options, const Model& model, const Pose& pose) {
+    if (options.chosen_distance() == 1.0) return pose;
+    const CameraConfig& config = model.config().camera;
+    const Eigen::Vector3d point = turning_point(options, config);
+    Camera camera = camera_from_pose(pose, config.intrinsics);
+    camera.center = point + options.chosen_distance() * (camera.center - point);
+    return pose_from_camera(camera);
 }
 
 ShotList orbit(const RenderOptions& options, const Model& model, const Codes& codes) {
@@ -105,7 +120,7 @@ Codes interpolated(const Codes& from, const Codes& to, double part, const std::s
 }
 
 Pose chosen_pose(const RenderOptions& options, const Model& model, const Pose& face) {
-    if (!options.yaw && !options.pitch && !options.roll) return face;
+    if (!options.yaw && !options.pitch && !options.roll) return moved_away(options, model, face);
     return pose_of_degrees(options, model, options.yaw.value_or(0.0), options.pitch.value_or(0.0),
                            options.roll.value_or(0.0));
 }

@@ -22,6 +22,7 @@ struct RenderOptions {
     std::optional<double> yaw;
     std::optional<double> pitch;
     std::optional<double> roll;
+    std::optional<double> distance;  ///< of the camera, as a multiple of the model's
 
     int orbit = 0;
     double orbit_yaw = 30.0;
@@ -50,6 +51,10 @@ struct RenderOptions {
     std::string around = "head";      ///< what stays in the middle as the head turns: head or face
     bool keep_floaters = false;
 
+    /// Hair of drawn faces is often larger than the image from the usual distance.
+    [[nodiscard]] double chosen_distance() const {
+        return distance.value_or(sample > 0 ? 1.2 : 1.0);
+    }
     /// --out is the depth; no image is wanted.
     [[nodiscard]] bool depth_alone() const { return sample == 0 && out.extension() == ".exr"; }
     [[nodiscard]] bool grid() const { return !grid_yaw.empty() || !grid_pitch.empty(); }
@@ -68,7 +73,7 @@ struct ShotList {
     bool returning = false;  ///< an animation shows the shots forwards and then backwards
 };
 
-/// The pose with the angles of the options; without angles, the pose `face`.
+/// The pose with the angles of the options, or `face` without angles, from their distance.
 [[nodiscard]] Pose chosen_pose(const RenderOptions& options, const Model& model, const Pose& face);
 
 /// The shots that the options select: an orbit, a grid, an interpolation or one view of a face.

@@ -90,8 +90,8 @@ Camera turned_about_head(Camera camera, double yaw, double pitch) {
 }
 
 Camera turned_camera(const CameraConfig& camera, double turning_z, double yaw, double pitch,
-                     double roll, double zoom) {
-    const double distance = turning_z + zoom * (camera.distance - turning_z);
+                     double roll, double times) {
+    const double distance = turning_z + times * (camera.distance - turning_z);
     return camera_from_pose(pivot_pose(yaw, pitch, roll, distance, turning_z), camera.intrinsics);
 }
 

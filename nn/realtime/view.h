@@ -60,8 +60,8 @@ inline constexpr double head_middle = 0.1;
 /// The camera turned about the middle of the head by these angles (radians).
 [[nodiscard]] Camera turned_about_head(Camera camera, double yaw, double pitch);
 /// The frontal camera turned around the point (0, 0, turning_z) by these angles (radians), at
-/// `zoom` times its distance from that point.
+/// `times` its distance from that point.
 [[nodiscard]] Camera turned_camera(const CameraConfig& camera, double turning_z, double yaw,
-                                   double pitch, double roll, double zoom = 1.0);
+                                   double pitch, double roll, double times = 1.0);
 
 }  // namespace stymo

@@ -16,8 +16,8 @@ void add_displacement(const Displacement& d, const Eigen::Vector3d& anchor, doub
                       bool mirror, Eigen::Vector3d& result) {
     const double sign = mirror ? -1.0 : 1.0;
     const Eigen::Vector3d point{sign * anchor[0], anchor[1], anchor[2]};
-    const double weight =
-        factor * std::exp(-(point - d.center).cwiseQuotient(d.radius).squaredNorm());
+    const double weight = factor * gauss((point - d.center).cwiseQuotient(d.radius).norm());
+    if (weight == 0.0) return;
     Eigen::Vector3d pivot = d.center;
     if (d.symmetry == Symmetry::mirrored) pivot.x() = 0.0;
     Eigen::Vector3d shift = d.shift + d.stretch.cwiseProduct(point - pivot);

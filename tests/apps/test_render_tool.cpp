@@ -12,6 +12,7 @@
 #include "core/ops/elementwise.h"
 #include "nn/models/code_file.h"
 #include "nn/models/model.h"
+#include "nn/realtime/view.h"
 #include "support/check_close.h"
 
 namespace render_tool_tests {
@@ -20,6 +21,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using nlohmann::json;
+using stymo::Model;
 using stymo::read_code_file;
 using stymo::read_image;
 using stymo::Shape;
@@ -92,6 +94,24 @@ TEST_CASE("The head turns around its middle, or around the face", "[render_tool]
     CHECK(identical(view("--yaw 30"), view("--yaw 30 --around head")));
     CHECK_FALSE(identical(view("--yaw 30"), view("--yaw 30 --around face")));
     CHECK(peak_signal_to_noise_ratio(view("--yaw 0"), view("--yaw 0 --around face")) > 60.0);
+}
+
+TEST_CASE("A view from farther away turns around the same point", "[render_tool]") {
+    const Model model = Model::load(tiny_run() / "run/model.safetensors");
+    const stymo::CameraConfig& config = model.config().camera;
+    const auto center = [&](const stymo::RenderOptions& options) {
+        const stymo::Pose pose = chosen_pose(options, model, stymo::frontal_pose(config));
+        return camera_from_pose(pose, config.intrinsics).center;
+    };
+    const Eigen::Vector3d middle(0.0, 0.0, stymo::head_middle);
+    stymo::RenderOptions usual, turned;
+    turned.yaw = 20.0;
+    for (stymo::RenderOptions options : {usual, turned}) {
+        const Eigen::Vector3d before = center(options) - middle;
+        options.distance = 1.5;
+        CHECK((center(options) - middle - 1.5 * before).norm() < 1e-12);
+    }
+    refused(std::string(of_fit) + "--distance 3 --out far.png", 2, "--distance");
 }
 
 TEST_CASE("A path keeps the wanted decibels, says what was measured, and few views are exact",
