@@ -1,20 +1,24 @@
 #include "core/interrupt.h"
 
+#include <atomic>
 #include <cstddef>
 
 namespace stymo {
 namespace {
 
-volatile std::sig_atomic_t interrupt_flag = 0;
+// Other threads than that of the handler poll the flag.
+std::atomic<bool> interrupt_flag{false};
+static_assert(std::atomic<bool>::is_always_lock_free);
+std::atomic<int> guards{0};
 
 extern "C" void note_interrupt(int /*signal_number*/) {
-    interrupt_flag = 1;
+    interrupt_flag = true;
 }
 
 }  // namespace
 
 InterruptGuard::InterruptGuard() {
-    interrupt_flag = 0;
+    if (guards++ == 0) interrupt_flag = false;
     struct sigaction action {};
     action.sa_handler = note_interrupt;
     // The default handler returns after the first signal, so that a second one ends a process that
@@ -25,10 +29,11 @@ InterruptGuard::InterruptGuard() {
 
 InterruptGuard::~InterruptGuard() {
     for (std::size_t i = 0; i < signals_.size(); ++i) sigaction(signals_[i], &former_[i], nullptr);
+    --guards;
 }
 
 bool interrupted() {
-    return interrupt_flag != 0;
+    return interrupt_flag;
 }
 
 }  // namespace stymo

@@ -12,7 +12,7 @@ namespace stymo {
 /// The flag behind `interrupted()` is global because a signal handler can reach nothing else.
 class InterruptGuard {
 public:
-    /// Resets `interrupted()` to false.
+    /// Resets `interrupted()` to false, unless another guard lives.
     InterruptGuard();
     ~InterruptGuard();
     InterruptGuard(const InterruptGuard&) = delete;
@@ -23,7 +23,8 @@ private:
     std::array<struct sigaction, signals_.size()> former_{};
 };
 
-/// Whether a signal arrived since the last guard was constructed. Long loops poll it between steps.
+/// Whether a signal arrived since the outermost guard was constructed. Long loops poll it between
+/// steps.
 [[nodiscard]] bool interrupted();
 
 }  // namespace stymo

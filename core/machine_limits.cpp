@@ -17,7 +17,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-/// The numbers at the beginning of a file's first line; "max" and everything else end them.
+/// The numbers at the beginning of a file; "max" and everything else end them.
 std::vector<double> numbers_in(const fs::path& file) {
     std::ifstream stream(file);
     std::vector<double> numbers;

@@ -13,7 +13,7 @@ namespace stymo {
 [[nodiscard]] double l1_error(const Tensor& a, const Tensor& b);
 /// Peak signal-to-noise ratio in decibels for a peak of 1; +infinity for identical images.
 [[nodiscard]] double peak_signal_to_noise_ratio(const Tensor& a, const Tensor& b);
-/// A photo is never matched better than this, in decibels. What to say of a score above it follows.
+/// A higher PSNR, in decibels, is implausible for a photo; `implausible_psnr` says so.
 inline constexpr double most_plausible_psnr = 60.0;
 inline constexpr const char* implausible_psnr =
     ", which no photo allows: do the masks cover the heads?";

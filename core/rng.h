@@ -38,7 +38,7 @@ public:
     [[nodiscard]] std::uint64_t bits();
     /// Uniform in [0, 1), 53 random bits.
     [[nodiscard]] double uniform();
-    /// Uniform in [low, high).
+    /// Uniform in [low, high); rounding may give `high`.
     [[nodiscard]] double uniform(double low, double high) { return low + (high - low) * uniform(); }
     /// Standard normal.
     [[nodiscard]] double normal();

@@ -47,9 +47,11 @@ Shape Shape::with(int axis, std::int64_t extent) const {
 }
 
 std::int64_t Shape::product(int first, int last) const {
-    std::int64_t result = 1;
-    for (int axis = first; axis < last; ++axis) result *= extents_[static_cast<std::size_t>(axis)];
-    return result;
+    // Beside an extent of 0 the others may be of any size; their product then wraps.
+    std::uint64_t result = 1;
+    for (int axis = first; axis < last; ++axis)
+        result *= static_cast<std::uint64_t>(extents_[static_cast<std::size_t>(axis)]);
+    return static_cast<std::int64_t>(result);
 }
 
 bool Shape::operator==(const Shape& other) const {

@@ -35,7 +35,8 @@ Variable regularizer_term(const FitComparison& seen) {
 
 Variable locality_term(const FitComparison& seen) {
     if (seen.kept_images.empty()) return {};
-    return photometric_loss(seen.decoded.images, seen.kept_images, seen.kept_weights);
+    return photometric_loss(seen.decoded.images, seen.kept_images, seen.kept_weights) *
+           face_count(seen);
 }
 
 Variable depth_term(const FitComparison& seen) {
@@ -51,8 +52,8 @@ Variable depth_term(const FitComparison& seen) {
 }
 
 Variable mask_term(const FitComparison& seen) {
-    return seen.mask.defined() ? mask_loss(seen.decoded.mask_logit, seen.mask, seen.known)
-                               : Variable();
+    if (!seen.mask.defined()) return {};
+    return mask_loss(seen.decoded.mask_logit, seen.mask, seen.known) * face_count(seen);
 }
 
 template <Variable FitComparison::*embeddings>

@@ -17,7 +17,7 @@ namespace stymo {
 
 namespace {
 
-/// `average` of each metric; it is never given no values.
+/// `average` of each metric; it always gets at least one value.
 template <class Average>
 ImageMetrics averaged(const std::vector<ImageMetrics>& metrics, const Average& average) {
     ImageMetrics result;
@@ -94,9 +94,7 @@ namespace {
 bool is_unchanged(const FaceBatch& target, const FitResult& result, std::int64_t index) {
     if (!result.losses.empty()) return false;
     const auto face = static_cast<std::size_t>(index);
-    if (result.cameras[face].center != target.cameras[face].center ||
-        result.cameras[face].world_from_camera != target.cameras[face].world_from_camera)
-        return false;
+    if (!(result.cameras[face] == target.cameras[face])) return false;
     for (std::size_t group = 0; group < code_names.size(); ++group) {
         const auto row = [&](const Codes& codes) {
             return slice(codes.groups[group], 0, index, index + 1).value().to_vector();

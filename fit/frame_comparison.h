@@ -19,6 +19,8 @@ struct FrameComparison {
 };
 /// Colours and coverage of a square image.
 using DrawnFrom = std::function<RasterImage(const Camera& camera, std::int64_t side)>;
+/// One comparison for each of `yaws` (degrees) from the model's camera, in its resolution. Throws
+/// what `render_view` and `draw` throw.
 [[nodiscard]] std::vector<FrameComparison> compared_with_frames(const Model& model,
                                                                 const Codes& codes,
                                                                 const DrawnFrom& draw,

@@ -27,12 +27,6 @@ std::filesystem::path model_file(const std::filesystem::path& model,
     return file;
 }
 
-bool same(const RendererOptions& a, const RendererOptions& b) {
-    return a.mode == b.mode && a.samples_per_ray == b.samples_per_ray &&
-           a.resolution == b.resolution && a.tolerance == b.tolerance && a.mask == b.mask &&
-           a.depth == b.depth && a.remove_floaters == b.remove_floaters;
-}
-
 /// An infinite time would never end.
 void require_finite(double seconds) {
     if (!std::isfinite(seconds))
@@ -42,6 +36,9 @@ void require_finite(double seconds) {
 }  // namespace
 
 struct Studio::State {
+    State(const std::filesystem::path& file, std::filesystem::path folder)
+        : model(Model::load(file)), mark(model_mark(file)), configs(std::move(folder)) {}
+
     Model model;
     std::string mark;
     std::filesystem::path configs;
@@ -54,7 +51,7 @@ struct Studio::State {
     /// The renderer of the last view, which is kept for the next one.
     FaceRenderer& renderer_for(const std::shared_ptr<const Model>& decoder,
                                const RendererOptions& wanted) {
-        if (!renderer || tuned != decoder || !same(options, wanted)) {
+        if (!renderer || tuned != decoder || !(options == wanted)) {
             renderer.reset();
             renderer.emplace(decoder ? *decoder : model, wanted);
             tuned = decoder;
@@ -94,11 +91,7 @@ struct Studio::State {
 };
 
 Studio::Studio(std::filesystem::path model, std::filesystem::path configs)
-    : state_([&] {
-          const std::filesystem::path file = model_file(std::move(model), configs);
-          return new State{
-              .model = Model::load(file), .mark = model_mark(file), .configs = configs};
-      }()) {}
+    : state_(std::make_unique<State>(model_file(model, configs), configs)) {}
 Studio::~Studio() = default;
 Studio::Studio(Studio&&) noexcept = default;
 Studio& Studio::operator=(Studio&&) noexcept = default;

@@ -53,7 +53,7 @@ public:
     /// The options of `fit`: those of stymo-fit, with the networks that come with stymo.
     [[nodiscard]] FitJobOptions fit_options() const;
 
-    /// Finds the largest face of a photo, (height, width, 3) in [0, 1], and fits the codes to it;
+    /// Finds the clearest face of a photo, (height, width, 3) in [0, 1], and fits the codes to it;
     /// also tunes, if the options say so. Throws FileError if there is no face that can be used,
     /// and what FitJob throws. After an interrupt the face has what was reached, and a warning.
     [[nodiscard]] StudioFace fit(const Tensor& photo, const FitJobOptions& options,
@@ -94,7 +94,7 @@ private:
 [[nodiscard]] Tensor tensor_from_bytes(std::span<const std::uint8_t> pixels, const Shape& shape);
 
 /// The target with the groups `take` ("expr,tex") of the source; it keeps its pose and decoder.
-/// Throws ValueError for an unknown group.
+/// Throws ValueError for an unknown group and for faces of two models.
 [[nodiscard]] StudioFace mix(const StudioFace& target, const StudioFace& source,
                              const std::string& take);
 /// Writes the files that `Studio::read` reads. Throws ValueError if `tuned` is given for a face

@@ -35,10 +35,10 @@ constexpr double momentum = 0.7;
 /// shape; so do parameters that Adam moves, because equally large changes of them blur the image.
 constexpr double field_factor = 0.1, adam_factor = 0.1;
 constexpr std::string_view field_prefix = "decoder.field.";
-/// An anchor is compared in one of so many steps.
+/// Every so many steps an anchor is compared too.
 constexpr std::int64_t anchor_interval = 3;
-/// Of so many successive comparisons with a photo or an anchor, the first evaluates all samples;
-/// the others evaluate only those that were significant in it.
+/// The first of every so many comparisons with a photo or an anchor evaluates all samples. The
+/// others evaluate only those that were significant in it.
 constexpr std::int64_t selection_interval = 8;
 constexpr double largest_yaw = 40.0, largest_pitch = 15.0;
 
@@ -293,9 +293,8 @@ double part_done(const TuningOptions& options, std::int64_t step, double seconds
     return std::min(part, 1.0);
 }
 
-/// The largest learning rate, by what the finished steps tell of the number of all. Before the
-/// first step nothing tells what a limit in seconds leaves time for, so that the number that is
-/// asked for counts then.
+/// The largest learning rate for the number of steps that the finished ones predict. Before the
+/// first step nothing predicts what a limit in seconds allows; then the wanted number counts.
 double highest_rate(const TuningOptions& options, std::int64_t step, double part) {
     if (options.learning_rate > 0.0) return options.learning_rate;
     if (part > 0.0) return usual_tuning_rate(static_cast<double>(step) / part);
@@ -319,8 +318,8 @@ TuningResult tune_decoder(const Model& original, Model& tuned, const Reconstruct
     Tuning tuning(original, tuned, loss, faces, codes, cameras, options);
     TuningResult result;
     for (std::int64_t step = 0; !interrupted(); ++step) {
-        // Of the first step nothing is done, even if what comes before it took all the time: it
-        // would learn nothing at the end of the half cosine.
+        // The first step begins the schedule even if the preparation took all the time: at the end
+        // of the half cosine it would learn nothing.
         const double part = step > 0 ? part_done(options, step, seconds_now() - start) : 0.0;
         if (part >= 1.0) break;
         const double rate = highest_rate(options, step, part) *

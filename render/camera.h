@@ -10,6 +10,8 @@ struct Intrinsics {
     double focal = 2.03;
     double center_x = 0.5;
     double center_y = 0.5;
+
+    bool operator==(const Intrinsics&) const = default;
 };
 
 /// The paper's p in R^6. World axes: x to the image's right, y up, z out of the face towards the
@@ -31,6 +33,8 @@ struct Camera {
     /// A rotation: columns are the camera's right, down and forward in world axes.
     Eigen::Matrix3d world_from_camera = Eigen::Matrix3d::Identity();
     Eigen::Vector3d center = Eigen::Vector3d::Zero();  ///< in world coordinates
+
+    bool operator==(const Camera&) const = default;
 };
 
 [[nodiscard]] Eigen::Matrix3d rotation_from_angles(double yaw, double pitch, double roll);

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "core/angle.h"
@@ -18,10 +17,7 @@ constexpr std::array<const char*, 4> keys{"yaw_deg", "pitch_deg", "roll_deg", "t
 
 double number(const Json& value, const char* key) {
     if (!value.is_number()) fail<FileError>("\"", key, "\" is not a number");
-    const auto result = value.get<double>();
-    if (!std::isfinite(static_cast<float>(result)))
-        fail<FileError>("\"", key, "\" holds ", result, ", which is too large");
-    return result;
+    return require_float(value.get<double>(), key);
 }
 
 }  // namespace

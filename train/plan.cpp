@@ -96,7 +96,7 @@ TrainingPlan measure_plan(Trainer& trainer, const TrainConfig& config, const Dat
             static_cast<double>(estimate_step_memory(trainer.model(), trainer.reconstruction(),
                                                      config, phase, phase.execution)
                                     .peak()) /
-            1048576.0;
+            mebibyte;
         const bool at_an_end = &phase == &phases.front() || &phase == &phases.back();
         if (measured == MeasuredPhases::all || (measured == MeasuredPhases::ends && at_an_end))
             measure(part, trainer, config);

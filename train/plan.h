@@ -36,8 +36,8 @@ struct TrainingPlan {
     std::vector<PhasePlan> phases{};
 };
 
-/// Which phases are measured by optimiser steps: one step in the first stage, two in a phase of the
-/// second stage (with and without R1).
+/// Which phases are measured by optimiser steps: one step, and a second one if the first is one of
+/// the phase's expensive steps (R1, or learning poses).
 enum class MeasuredPhases { none, ends, all };
 
 /// The plan of a run that has not begun. Measuring changes the weights, so the trainer must not be

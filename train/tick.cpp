@@ -169,7 +169,8 @@ Tensor sample_sheet(const Model& model, const Dataset& faces, std::int64_t resol
         tiles.push_back(display_image(*target, 0));
         show(face_cameras(batch, offsets).front());
         for (const double yaw_degrees : {-30.0, 0.0, 30.0}) {
-            show(model_camera(model, radians_from_degrees(yaw_degrees), 0.0, 0.0));
+            show(turned_camera(model.config().camera, head_middle,
+                               radians_from_degrees(yaw_degrees), 0.0, 0.0));
         }
     }
     return tile_images(tiles, 5);

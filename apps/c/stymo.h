@@ -36,7 +36,7 @@ STYMO_API void stymo_model_free(stymo_model* model); /* NULL: does nothing */
 /* Side of the model's images in pixels; -1 if `model` is NULL. */
 STYMO_API int stymo_model_side(const stymo_model* model);
 
-/* Finds the largest face of a photo of height * width pixels and fits codes to it, in so many
+/* Finds the clearest face of a photo of height * width pixels and fits codes to it, in so many
  * steps; 0: as many as stymo-fit. */
 STYMO_API stymo_face* stymo_fit(const stymo_model* model, const uint8_t* rgb, int height, int width,
                                 int steps);

@@ -79,7 +79,8 @@ Tensor score_sheet(const FitJob& job, const Dataset& faces, const EvaluationOpti
         tiles.insert(tiles.end(), {report.target, report.initial, report.fitted});
         if (done.tuned) tiles.push_back(report.tuned);
         for (const double yaw_degrees : {-30.0, 30.0}) {
-            const Camera camera = model_camera(model, radians_from_degrees(yaw_degrees), 0.0, 0.0);
+            const Camera camera = turned_camera(model.config().camera, head_middle,
+                                                radians_from_degrees(yaw_degrees), 0.0, 0.0);
             const ViewOptions view{
                 .samples_per_ray = model.config().reconstruction.fit_samples_per_ray,
                 .resolution = report.target.shape(0)};

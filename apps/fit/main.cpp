@@ -311,7 +311,7 @@ int stymo_fit(int argc, char** argv) {
         .excludes("--video");
     line.option("--id", options.face.id, "id of the photo in --data").needs("--data");
     line.option("--face", options.fit.job.preparation.face,
-                "which face of the photo, counted from the left; 0: the largest")
+                "which face of the photo, counted from the left; 0: the clearest")
         .range(0, 1000)
         .excludes("--video")
         .excludes("--mask")

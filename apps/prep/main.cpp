@@ -109,7 +109,7 @@ int stymo_prep(int argc, char** argv) {
     line.option("--size", settings.side, "side of the images in pixels").range(8, 4096);
     stymo::declare_preparation_files(line, settings);
     line.flag("--all-faces", settings.all_faces,
-              "prepare every face of a photo instead of the largest one");
+              "prepare every face of a photo instead of the clearest one");
     line.flag("--new-masks", settings.new_masks,
               "make masks even where the folder has them, and report how well both agree");
     line.flag(

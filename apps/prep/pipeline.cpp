@@ -66,13 +66,13 @@ PhotoInWork cropped(const FaceFiles& files, const FolderScan& scan,
     return work;
 }
 
-/// "ID" for the largest face of a photo, "ID_2" for the next.
+/// "ID" for the clearest face of a photo, "ID_2" for the next.
 std::string face_id(const std::string& photo, std::size_t index) {
     return index == 0 ? photo : photo + "_" + std::to_string(index + 1);
 }
 
 /// Writes the results of a photo, images first, so that the images of every recorded photo exist.
-/// `known` is the line of the photo, whose person is its largest face; or null.
+/// `known` is the line of the photo, whose person is its clearest face; or null.
 PhotoOutcome written(const FolderPreparation& folders, PhotoInWork work,
                      std::span<PreparedFace> faces, const std::set<std::string>& photo_ids,
                      const FaceEntry* known) {

@@ -224,7 +224,7 @@ void bind_model(nb::module_& module) {
              nb::sig("def fit(self, image: numpy.typing.ArrayLike, steps: int = 200, tune: float "
                      "= 0.0, optimizer: str = 'adam', progress: "
                      "collections.abc.Callable[[str, int, float], object] | None = None) -> Face"),
-             "Finds the largest face of a photo and fits codes to it.\n\n"
+             "Finds the clearest face of a photo and fits codes to it.\n\n"
              "image: (height, width, 3), uint8, or floats in [0, 1], which are not copied.\n"
              "tune: also tunes the decoder to the photo for so many seconds.\n"
              "progress: called with the stage (\"fit\", \"tune\"), the step and its loss.")

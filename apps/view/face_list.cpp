@@ -50,7 +50,7 @@ void TunedModels::count(const std::shared_ptr<const Model>& model) {
     models_.emplace_back(model);
 }
 
-void FaceList::require_room_for_model(const ListedFace& face, const std::string& except) const {
+void FaceList::count_model(const ListedFace& face, const std::string& except) const {
     if (!face.tuned) return;
     std::set<const Model*> models{face.model.get()};
     for (const auto& [id, other] : faces_) {
@@ -64,7 +64,7 @@ void FaceList::require_room_for_model(const ListedFace& face, const std::string&
 
 void FaceList::require_room_for_tuned() const {
     const std::lock_guard lock(mutex_);
-    require_room_for_model({.name = {}, .face = {}, .model = nullptr, .tuned = true});
+    count_model({.name = {}, .face = {}, .model = nullptr, .tuned = true});
     all_.require_room();
 }
 
@@ -73,7 +73,7 @@ std::string FaceList::add(ListedFace face) {
     const std::lock_guard lock(mutex_);
     if (faces_.size() >= most_faces)
         fail<ValueError>("there is room for ", most_faces, " faces; remove one first");
-    require_room_for_model(face);
+    count_model(face);
     const std::string id = "f" + std::to_string(++count_);
     faces_.emplace_back(id, std::move(face));
     return id;
@@ -90,7 +90,7 @@ void FaceList::replace(const std::string& id, ListedFace face) {
     const std::lock_guard lock(mutex_);
     const auto found = std::ranges::find(faces_, id, &std::pair<std::string, ListedFace>::first);
     if (found == faces_.end()) fail<ValueError>("there is no face ", id);
-    require_room_for_model(face, id);
+    count_model(face, id);
     found->second = std::move(face);
 }
 

@@ -69,7 +69,7 @@ public:
 
 private:
     /// `except`: the id of a face that does not count.
-    void require_room_for_model(const ListedFace& face, const std::string& except = {}) const;
+    void count_model(const ListedFace& face, const std::string& except = {}) const;
 
     TunedModels& all_;
     mutable std::mutex mutex_;

@@ -65,7 +65,7 @@ struct Seen {
     [[nodiscard]] Eigen::Vector3d skin() const {
         return (color(cheek(true)) + color(cheek(false)) + color(above_brows(0.35))) / 3.0;
     }
-    /// Standard deviation of the brightness within a disc.
+    /// Standard deviation of green within a disc.
     [[nodiscard]] double contrast(const Point& center, double widths) const {
         double sum = 0.0, squares = 0.0, count = 1e-9;
         const auto values = image.values<float>();

@@ -242,12 +242,12 @@ std::optional<double> FrameRenderer::State::adapt(const FrameRequest& request, c
         reached = error.worst_psnr;
         if (is_half_side(request)) return reached;
         if (!error.within(settings.psnr) && tolerance > least_tolerance) {
-            tolerance /= step;
+            tolerance = std::max(tolerance / step, least_tolerance);
         } else {
             // The tolerance grows by only one step in a frame, so that it does not oscillate.
             if (i == 0 && error.within(settings.psnr + psnr_to_spare) &&
                 tolerance < largest_tolerance)
-                tolerance *= step;
+                tolerance = std::min(tolerance * step, largest_tolerance);
             return reached;
         }
     }

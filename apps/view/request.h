@@ -90,8 +90,8 @@ struct FaceQuery {
 [[nodiscard]] FaceQuery face_query(const std::string& json);
 
 /// A request for a film:
-/// {"face", "sliders", "keys": [camera, ...], "seconds", "fps", "format": "gif" or "mp4"}: cameras
-/// along a smooth path through the keys.
+/// {"face", "sliders", "keys": [camera, ...], "seconds", "fps", "format": "gif", "webp" or "mp4"}:
+/// cameras along a smooth path through the keys.
 struct FilmQuery {
     std::string face;
     Sliders sliders;

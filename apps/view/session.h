@@ -88,7 +88,7 @@ public:
     Sessions(SharedState& shared, std::size_t most, double idle_seconds = 180.0);
 
     /// Counts a request to open a session, and returns whether it is within the rate limit: one
-    /// each second, and more than twice as many as there may be sessions at once.
+    /// a second on average, and at once 16 more than twice as many as there may be sessions.
     [[nodiscard]] bool allows_opening() { return openings_.allows(); }
     /// Opens a session with the first faces in its list. If there are too many sessions, the one
     /// that has been idle for longest is closed. The result is null if all of them are in use.

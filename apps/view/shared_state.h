@@ -34,8 +34,8 @@ struct ViewerOptions {
 
 using DirectionNames = std::array<std::vector<EndNames>, code_names.size()>;
 
-/// The objects that all sessions share: the model and its data. They do not change after their
-/// creation, except for the scheduler and the locks.
+/// The objects that all sessions share. The model and its data never change; everything else is
+/// made when it is first needed, under a lock.
 class SharedState {
 public:
     /// Throws what loading the model and the faces throws.
@@ -43,9 +43,9 @@ public:
 
     [[nodiscard]] const ViewerOptions& options() const { return options_; }
     [[nodiscard]] const std::shared_ptr<const Model>& model() const { return model_; }
-    /// With it the codes of the model are marked.
+    /// Identifies the model in code files.
     [[nodiscard]] const std::string& mark() const { return mark_; }
-    /// Those of the command line have its tuned model.
+    /// Faces of `codes`, with the model that `tuned` gives.
     [[nodiscard]] const std::vector<ListedFace>& first_faces() const { return first_faces_; }
     /// Directions of the sliders; empty groups for a model without code statistics.
     [[nodiscard]] const std::array<GroupDirections, code_names.size()>& directions() const {

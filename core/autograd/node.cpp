@@ -17,12 +17,11 @@ std::atomic<std::int64_t> live_nodes{0};
 }  // namespace
 
 Node::Node(const char* name, std::vector<Input> inputs, std::vector<VjpRule> rules,
-           Tensor saved_output, Save save)
+           Tensor saved_output)
     : name_(name),
       inputs_(std::move(inputs)),
       rules_(std::move(rules)),
       saved_output_(std::move(saved_output)),
-      save_(save),
       number_(created_nodes++) {
     ++live_nodes;
 }
@@ -33,7 +32,6 @@ Node::Node(const char* name, std::vector<Input> inputs, JointVjpRule joint_rule,
       inputs_(std::move(inputs)),
       joint_rule_(std::move(joint_rule)),
       saved_output_(std::move(saved_output)),
-      save_(Save::all_inputs()),
       number_(created_nodes++) {
     ++live_nodes;
 }
@@ -67,7 +65,7 @@ std::int64_t Node::live_count() {
 Variable Variable::leaf(Tensor value) {
     return {std::move(value),
             std::make_shared<Node>("leaf", std::vector<Node::Input>{}, std::vector<VjpRule>{},
-                                   Tensor{}, Save::none())};
+                                   Tensor{})};
 }
 
 Variable Vjp::input(std::size_t i) const {
@@ -98,8 +96,8 @@ Variable record(const char* name, Tensor value, std::vector<Variable> inputs, Sa
                          inputs[i].shape()});
     }
     Tensor saved_output = save.output ? value : Tensor{};
-    auto node = std::make_shared<Node>(name, std::move(edges), std::move(rules),
-                                       std::move(saved_output), save);
+    auto node =
+        std::make_shared<Node>(name, std::move(edges), std::move(rules), std::move(saved_output));
     return {std::move(value), std::move(node)};
 }
 

@@ -51,7 +51,7 @@ public:
     };
 
     Node(const char* name, std::vector<Input> inputs, std::vector<VjpRule> rules,
-         Tensor saved_output, Save save);
+         Tensor saved_output);
     /// All inputs whose value is defined count as saved.
     Node(const char* name, std::vector<Input> inputs, JointVjpRule joint_rule, Tensor saved_output);
     ~Node();
@@ -64,7 +64,6 @@ public:
     [[nodiscard]] const std::vector<VjpRule>& rules() const { return rules_; }
     [[nodiscard]] const JointVjpRule& joint_rule() const { return joint_rule_; }
     [[nodiscard]] const Tensor& saved_output() const { return saved_output_; }
-    [[nodiscard]] Save save() const { return save_; }
     /// Greater than the number of every node made before, and so of its inputs.
     [[nodiscard]] std::int64_t number() const { return number_; }
 
@@ -77,7 +76,6 @@ private:
     std::vector<VjpRule> rules_;
     JointVjpRule joint_rule_;
     Tensor saved_output_;
-    Save save_;
     std::int64_t number_;
 };
 

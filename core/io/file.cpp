@@ -100,7 +100,8 @@ bool flushed(const Descriptor& file) {
 }
 
 void flush_one(const fs::path& path) {
-    if (!flushed(Descriptor(path, O_RDONLY)))
+    const Descriptor file(path, O_RDONLY);
+    if (!flushed(file))
         fail<FileError>(path.string(), ": cannot be written to the disk (", reason_of(errno), ")");
 }
 
@@ -155,12 +156,14 @@ std::string read_beginning(const fs::path& path, std::size_t count) {
 }
 
 struct OpenFile::Implementation {
+    explicit Implementation(const fs::path& path) : path(path), file(open_for_reading(path)) {}
+
     fs::path path;
     Descriptor file;
 };
 
 OpenFile::OpenFile(const fs::path& path)
-    : implementation_(new Implementation{path, open_for_reading(path)}) {}
+    : implementation_(std::make_shared<const Implementation>(path)) {}
 
 std::string OpenFile::read(std::int64_t offset, std::int64_t size) const {
     std::string bytes(static_cast<std::size_t>(size), '\0');
@@ -247,7 +250,8 @@ void require_writable_folder(const fs::path& path) {
          at = at.parent_path())
         missing.push_back(at);
     fs::create_directories(path, error);
-    if (!fs::is_directory(path))
+    std::error_code unknown;
+    if (!fs::is_directory(path, unknown))
         fail<FileError>(path.string(), ": the folder cannot be made (",
                         error ? error.message() : "a file has this name", ")");
     if (::access(path.c_str(), W_OK | X_OK) != 0)

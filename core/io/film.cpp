@@ -8,7 +8,6 @@ extern "C" {
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdlib>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
@@ -52,9 +51,13 @@ bool is_whole_mp4(const fs::path& path) {
     return has_index && left == 0;
 }
 
-/// FFmpeg writes to stderr what it finds wrong with a file; the tools say it in one line.
+/// FFmpeg writes to stderr what it finds wrong with a file; the tools say it in one line. OpenCV
+/// keeps this handler unless its environment variables ask for messages.
 void silence_ffmpeg() {
-    [[maybe_unused]] static const int set = ::setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", 0);
+    [[maybe_unused]] static const bool set = [] {
+        av_log_set_callback([](void*, int, const char*, va_list) {});
+        return true;
+    }();
 }
 
 struct CloseInput {
@@ -101,7 +104,7 @@ struct FilmFacts {
 };
 
 FilmFacts film_facts(const fs::path& path) {
-    av_log_set_level(AV_LOG_QUIET);
+    silence_ffmpeg();
     AVFormatContext* opened = nullptr;
     if (avformat_open_input(&opened, path.c_str(), nullptr, nullptr) < 0) return {};
     const InputFile file(opened);
@@ -330,7 +333,7 @@ void write_both(std::array<Track, 2>& tracks, const fs::path& path) {
 }  // namespace
 
 FilmSound add_sound(const fs::path& from, const fs::path& to) {
-    av_log_set_level(AV_LOG_QUIET);
+    silence_ffmpeg();
     std::array<Track, 2> tracks{Track(to, AVMEDIA_TYPE_VIDEO), Track(from, AVMEDIA_TYPE_AUDIO)};
     if (!tracks[0].exists()) fail<FileError>(to.string(), ": has no pictures");
     if (!tracks[1].exists()) return FilmSound::none;

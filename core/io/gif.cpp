@@ -56,6 +56,16 @@ std::vector<cv::Vec3f> samples_of(const std::vector<RgbBytes>& frames) {
     return samples;
 }
 
+/// Restores the state of OpenCV's random numbers.
+struct RestoreRandomState {
+    RestoreRandomState() = default;
+    ~RestoreRandomState() { cv::theRNG().state = former; }
+    RestoreRandomState(const RestoreRandomState&) = delete;
+    RestoreRandomState& operator=(const RestoreRandomState&) = delete;
+
+    std::uint64_t former = cv::theRNG().state;
+};
+
 std::vector<cv::Vec3f> clustered(const std::vector<RgbBytes>& frames) {
     const std::vector<cv::Vec3f> samples = samples_of(frames);
     const cv::Mat rows(static_cast<int>(samples.size()), 3, CV_32F,
@@ -63,10 +73,10 @@ std::vector<cv::Vec3f> clustered(const std::vector<RgbBytes>& frames) {
     const cv::TermCriteria until(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 20, 0.1);
     cv::Mat labels, centers;
     // The same frames give the same bytes.
-    const std::uint64_t former = std::exchange(cv::theRNG().state, 1);
+    const RestoreRandomState restore;
+    cv::theRNG().state = 1;
     cv::kmeans(rows, std::min(transparent, rows.rows), labels, until, 1, cv::KMEANS_PP_CENTERS,
                centers);
-    cv::theRNG().state = former;
     return {centers.ptr<cv::Vec3f>(), centers.ptr<cv::Vec3f>() + centers.rows};
 }
 
@@ -122,6 +132,10 @@ int append_bytes(GifFileType* file, const GifByteType* bytes, int count) {
     }
 }
 
+struct CloseGif {
+    void operator()(GifFileType* file) const { EGifCloseFile(file, nullptr); }
+};
+
 /// Writes a GIF through giflib.
 class GifWriter {
 public:
@@ -130,20 +144,15 @@ public:
           height_(height),
           file_(EGifOpen(&bytes_, append_bytes, nullptr)),
           map_(GifMakeMapObject(palette_size, palette.data()), GifFreeMapObject) {
-        if (file_ == nullptr || !map_) fail<FileError>("the GIF cannot be encoded");
-        EGifSetGifVersion(file_, true);
-        require(EGifPutScreenDesc(file_, width, height, 8, 0, map_.get()));
+        if (!file_ || !map_) fail<FileError>("the GIF cannot be encoded");
+        EGifSetGifVersion(file_.get(), true);
+        require(EGifPutScreenDesc(file_.get(), width, height, 8, 0, map_.get()));
         const std::array<GifByteType, 3> endlessly{1, 0, 0};
-        require(EGifPutExtensionLeader(file_, APPLICATION_EXT_FUNC_CODE));
-        require(EGifPutExtensionBlock(file_, 11, "NETSCAPE2.0"));
-        require(EGifPutExtensionBlock(file_, 3, endlessly.data()));
-        require(EGifPutExtensionTrailer(file_));
+        require(EGifPutExtensionLeader(file_.get(), APPLICATION_EXT_FUNC_CODE));
+        require(EGifPutExtensionBlock(file_.get(), 11, "NETSCAPE2.0"));
+        require(EGifPutExtensionBlock(file_.get(), 3, endlessly.data()));
+        require(EGifPutExtensionTrailer(file_.get()));
     }
-    ~GifWriter() {
-        if (file_ != nullptr) EGifCloseFile(file_, nullptr);
-    }
-    GifWriter(const GifWriter&) = delete;
-    GifWriter& operator=(const GifWriter&) = delete;
 
     void add(std::vector<GifByteType> indices, int hundredths) {
         const GraphicsControlBlock control{.DisposalMode = DISPOSE_DO_NOT,
@@ -152,13 +161,13 @@ public:
                                            .TransparentColor = transparent};
         std::array<GifByteType, 4> extension{};
         EGifGCBToExtension(&control, extension.data());
-        require(EGifPutExtension(file_, GRAPHICS_EXT_FUNC_CODE, 4, extension.data()));
-        require(EGifPutImageDesc(file_, 0, 0, width_, height_, false, nullptr));
-        require(EGifPutLine(file_, indices.data(), static_cast<int>(indices.size())));
+        require(EGifPutExtension(file_.get(), GRAPHICS_EXT_FUNC_CODE, 4, extension.data()));
+        require(EGifPutImageDesc(file_.get(), 0, 0, width_, height_, false, nullptr));
+        require(EGifPutLine(file_.get(), indices.data(), static_cast<int>(indices.size())));
     }
 
     std::string finish() {
-        require(EGifCloseFile(std::exchange(file_, nullptr), nullptr));
+        require(EGifCloseFile(file_.release(), nullptr));
         return std::move(bytes_);
     }
 
@@ -169,7 +178,7 @@ private:
 
     int width_, height_;
     std::string bytes_;
-    GifFileType* file_;
+    std::unique_ptr<GifFileType, CloseGif> file_;
     std::unique_ptr<ColorMapObject, void (*)(ColorMapObject*)> map_;
 };
 

@@ -43,7 +43,8 @@ void write_image(const std::filesystem::path& path, const Tensor& image,
 /// three are named "R,G,B". Throws like write_image.
 void write_exr(const std::filesystem::path& path, const Tensor& image);
 /// Writes an animation: .gif or .webp (repeated endlessly) or .mp4. All frames are (height, width,
-/// 3) in [0, 1].
+/// 3) in [0, 1]. Throws ValueError without frames and for a rate that is not positive and finite,
+/// ShapeError for frames of other or different shapes, and FileError if writing fails.
 void write_animation(const std::filesystem::path& path, const std::vector<Tensor>& frames,
                      double frames_per_second);
 /// Whether `write_animation` writes files of this name.

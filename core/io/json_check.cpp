@@ -1,6 +1,8 @@
 #include "core/io/json_check.h"
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <vector>
@@ -58,6 +60,12 @@ std::optional<std::string> json_fault(std::string_view text) {
         }
     }
     return std::nullopt;
+}
+
+double require_float(double number, std::string_view key) {
+    if (!(std::abs(number) <= static_cast<double>(std::numeric_limits<float>::max())))
+        fail<FileError>('"', key, "\" holds ", number, ", which is too large");
+    return number;
 }
 
 bool is_utf8(std::string_view text) {

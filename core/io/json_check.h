@@ -17,6 +17,9 @@ inline constexpr int deepest_json = 32;
 /// Throws FileError with the fault, if there is one.
 void require_sound_json(std::string_view text);
 
+/// Returns the number of this key. Throws FileError if it is larger than float32 holds.
+double require_float(double number, std::string_view key);  // NOLINT(modernize-use-nodiscard)
+
 /// Whether JSON can hold the text as it is.
 [[nodiscard]] bool is_utf8(std::string_view text);
 

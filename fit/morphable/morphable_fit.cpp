@@ -183,20 +183,4 @@ std::vector<MorphableFit> fit_morphable(const MorphableHead& head,
     return fits;
 }
 
-Landmarks fitted_landmarks(const MorphableHead& head, const MorphableFit& fit,
-                           const Intrinsics& intrinsics, std::int64_t side) {
-    const Contour contour(head);
-    const std::vector<double> points =
-        morphable::table_points(contour.table(), morphable::state_of(fit));
-    const Camera camera = camera_from_pose(fit.pose, intrinsics);
-    const std::array<std::size_t, 68> rows = contour.rows(points, camera);
-    Landmarks result;
-    for (std::size_t k = 0; k < result.size(); ++k) {
-        const Eigen::Vector3d seen =
-            project(camera, Eigen::Map<const Eigen::Vector3d>(&points[3 * rows[k]]));
-        result[k] = seen.head<2>() * static_cast<double>(side);
-    }
-    return result;
-}
-
 }  // namespace stymo

@@ -60,9 +60,4 @@ struct MorphableFit {
                                                       const Intrinsics& intrinsics,
                                                       const MorphableFitOptions& options = {});
 
-/// The 68 landmarks of the fitted head, with the jaw's on the outline, in pixels of an image of
-/// this side.
-[[nodiscard]] Landmarks fitted_landmarks(const MorphableHead& head, const MorphableFit& fit,
-                                         const Intrinsics& intrinsics, std::int64_t side);
-
 }  // namespace stymo

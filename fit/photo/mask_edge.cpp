@@ -11,10 +11,10 @@
 namespace stymo {
 namespace {
 
-constexpr double radius_of_side = 0.03;  ///< of the squares in which colors are averaged
+constexpr double radius_of_side = 0.03;  ///< of the squares in which colours are averaged
 
-/// The mean color of the selected pixels in a square around each pixel; `share` is how much of that
-/// square they fill.
+/// The mean colour of the selected pixels in a square around each pixel; `share` is how much of
+/// that square they fill.
 struct LocalColor {
     cv::Mat mean;
     cv::Mat share;
@@ -34,7 +34,7 @@ LocalColor local_color(const cv::Mat& image, const cv::Mat& selected, int window
     return result;
 }
 
-/// The head's share in the color of a pixel, and how far it can be trusted, both in [0, 1].
+/// The head's share in the colour of a pixel, and how far it can be trusted, both in [0, 1].
 struct HeadShare {
     float value;
     float trust;

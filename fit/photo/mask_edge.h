@@ -9,8 +9,8 @@ namespace stymo {
 /// colour of a pixel is a F + (1 - a) B (Porter and Duff 1984), with F and B the mean colours of
 /// the head and of what is around it nearby; a replaces the mask as far as F and B differ and their
 /// mixture explains the colour. Elsewhere the mask stays, and below 0.5 it never grows: a neck has
-/// the colour of the face. Nor does it grow again behind a gap. So the rim of a bright wall goes.
-/// Throws ShapeError for other shapes.
+/// the colour of the face. Nor does it grow again behind a gap. This removes the bright rim
+/// that a wall behind the head leaves. Throws ShapeError for other shapes.
 [[nodiscard]] Tensor edge_by_color(const Tensor& mask, const Tensor& image);
 
 }  // namespace stymo

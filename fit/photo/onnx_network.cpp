@@ -1,6 +1,7 @@
 #include "fit/photo/onnx_network.h"
 
 #include <algorithm>
+#include <mutex>
 #include <opencv2/core/utils/logger.hpp>
 #include <opencv2/dnn.hpp>
 #include <regex>
@@ -16,14 +17,23 @@ namespace {
 /// OpenCV prints on stderr why it refuses a network, but an error of the tools is a single line.
 class QuietOpenCv {
 public:
-    QuietOpenCv()
-        : former_(cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT)) {}
-    ~QuietOpenCv() { cv::utils::logging::setLogLevel(former_); }
+    QuietOpenCv() {
+        const std::lock_guard lock(mutex_);
+        if (living_++ == 0)
+            former_ = cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
+    }
+    ~QuietOpenCv() {
+        const std::lock_guard lock(mutex_);
+        if (--living_ == 0) cv::utils::logging::setLogLevel(former_);
+    }
     QuietOpenCv(const QuietOpenCv&) = delete;
     QuietOpenCv& operator=(const QuietOpenCv&) = delete;
 
 private:
-    cv::utils::logging::LogLevel former_;
+    // The level is the process's, and networks run on several threads at once.
+    inline static std::mutex mutex_;
+    inline static int living_ = 0;
+    inline static cv::utils::logging::LogLevel former_ = cv::utils::logging::LOG_LEVEL_SILENT;
 };
 
 /// What OpenCV says is wrong, in one line.

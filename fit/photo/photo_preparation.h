@@ -28,8 +28,8 @@ struct PhotoPreparationSettings {
     std::int64_t least_side = 0;
     Intrinsics intrinsics;                         ///< intrinsics for which poses are found
     std::int64_t most_pixels = usual_most_pixels;  ///< photos with more pixels are rejected
-    std::int64_t face = 0;   ///< the face to prepare, counted from the left; 0: the largest
-    bool all_faces = false;  ///< prepares all faces of a photo; else the largest
+    std::int64_t face = 0;   ///< the face to prepare, counted from the left; 0: the clearest
+    bool all_faces = false;  ///< prepares all faces of a photo; else the clearest
     bool new_masks = false;  ///< makes masks even if they are known, and compares both
     /// Widens FFHQ's square, up to 1.5 times, while the head leaves it at the top or the sides.
     /// Photos that are already aligned stay as they are.
@@ -104,9 +104,10 @@ public:
     /// Reads the landmark model, unless that was done before. Throws like FaceDetector.
     const FaceDetector& detector() const;  // NOLINT(modernize-use-nodiscard)
 
-    /// The largest face of a photo (height, width, 3) in [0, 1], or that with the number
-    /// `settings.face`, or all of them, largest first. If none is found or a doubtful one, and none
-    /// is known, the photo is tried lying on its sides and upside down. Thread-safe. Throws
+    /// The clearest face of a photo (height, width, 3) in [0, 1], or that with the number
+    /// `settings.face`, or all of them, clearest first. If none or only a doubtful one is
+    /// found, and no landmarks are known, the photo is also searched turned by 90, 180 and 270
+    /// degrees. Thread-safe. Throws
     /// ValueError with the reason for a photo that cannot be used (no face in it).
     [[nodiscard]] std::vector<FaceCrop> crops(const Tensor& photo, const KnownOfPhoto& known) const;
     /// The crop of a film's frame whose landmarks are known, faster: everything at `wanted_side`.

@@ -18,7 +18,7 @@ constexpr std::int64_t least_fitted_side = 48;
 /// What the overlay shows in place of unknown pixels.
 constexpr double unknown_grey = 0.5;
 
-/// `hint`: what helps if the photo has no face.
+/// The first face of the photo. Errors name the photo.
 FaceCrop face_of(const PhotoPreparation& preparation, const Tensor& photo, const std::string& name,
                  const Tensor& known) {
     try {

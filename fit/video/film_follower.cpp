@@ -170,6 +170,9 @@ FilmFollower::FilmFollower(const PhotoPreparation& preparation, const Model& mod
       options_(std::move(options)),
       have_masks_(have_masks),
       expression_(preparation, model) {
+    if (options_.first_frame < 0 || options_.every < 1 || options_.most_frames < 0 ||
+        options_.window < 1 || options_.key_frames < 1)
+        fail<ValueError>("the options of a film are out of range");
     FilmPart part(film_, options_);
     rate_ = part.frames_per_second();
     const std::int64_t wanted = 2 * options_.key_frames;

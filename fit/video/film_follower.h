@@ -13,10 +13,11 @@ namespace stymo {
 
 /// Which frames of a film count, and how they are followed.
 struct FilmOptions {
-    /// From `first_frame` on each `every`-th frame, and at most `most_frames` of them (0: all).
+    /// From `first_frame` on (at least 0) each `every`-th frame (at least 1), and at most
+    /// `most_frames` of them (0: all).
     std::int64_t first_frame = 0, every = 1, most_frames = 0;
-    std::int64_t window = 8;      ///< largest number of frames that are prepared together
-    std::int64_t key_frames = 6;  ///< from which the person is known
+    std::int64_t window = 8;      ///< largest number of frames that are prepared together, from 1
+    std::int64_t key_frames = 6;  ///< from which the person is known, at least 1
     /// Called with the name of a phase, and what of it is done, of how much (0: not known).
     std::function<void(const char*, std::int64_t, std::int64_t)> on_progress{};
 
@@ -37,8 +38,8 @@ class FilmFollower {
 public:
     /// Reads the film once, for key frames that show the person. `preparation` has the
     /// `settings_for` the model; both must outlive the object. `have_masks`:
-    /// as in prepare_frames. Throws FileError for a film that cannot be read to its end or shows no
-    /// face.
+    /// as in prepare_frames. Throws ValueError for options out of range and FileError for a film
+    /// that cannot be read to its end or shows no face.
     FilmFollower(const PhotoPreparation& preparation, const Model& model,
                  std::filesystem::path film, FilmOptions options, bool have_masks);
 

@@ -17,7 +17,7 @@ public:
 
     /// The person: the mean of the prepared faces' identities, which are those of the linear head.
     void know(std::span<const FrameInWork> faces);
-    /// Sets FilmFrame::change of prepared faces, of whom know() knows: the expression of the linear
+    /// Sets FilmFrame::change of prepared faces after know(): the expression of the linear
     /// head with this identity, drawn to what the model's faces do (plausible_changes). Throws like
     /// fit_morphable.
     void see(std::span<FrameInWork> faces) const;

@@ -51,23 +51,35 @@ void require_pairs(std::span<const Parameter> parameters, std::span<const Variab
 
 }  // namespace
 
+void Adam::require_alike(const Parameter& parameter, const Tensor& gradient) const {
+    const Tensor& value = parameter.variable().value();
+    if (!(gradient.shape() == value.shape()))
+        fail<ShapeError>("gradient of ", parameter.name(), " has shape ", gradient.shape(),
+                         ", not ", value.shape());
+    if (gradient.dtype() != value.dtype())
+        fail<TypeError>("gradient of ", parameter.name(), " is ", gradient.dtype(), ", not ",
+                        value.dtype());
+    const auto known = moments_.find(parameter.name());
+    if (known == moments_.end()) return;
+    for (const Tensor* moment : {&known->second.first, &known->second.second})
+        if (!(moment->shape() == value.shape()) || moment->dtype() != value.dtype())
+            fail<ShapeError>("what the optimizer remembers of ", parameter.name(),
+                             " has another shape or type than ", value.shape());
+}
+
 void Adam::step(std::span<const Parameter> parameters, std::span<const Variable> gradients,
                 double learning_rate) {
     if (const std::optional<std::string> name = first_non_finite(parameters, gradients))
         fail<NumericError>("the gradient of ", *name, " is not finite");
+    for (std::size_t i = 0; i < parameters.size(); ++i)
+        require_alike(parameters[i], gradients[i].value());
     for (std::size_t i = 0; i < parameters.size(); ++i) {
         const Tensor& value = parameters[i].variable().value();
         const Tensor& gradient = gradients[i].value();
-        if (!(gradient.shape() == value.shape()))
-            fail<ShapeError>("gradient of ", parameters[i].name(), " has shape ", gradient.shape(),
-                             ", not ", value.shape());
         Moments& moments = moments_[parameters[i].name()];
         if (!moments.first.defined())
             moments = {Tensor::zeros(value.shape(), value.dtype()),
                        Tensor::zeros(value.shape(), value.dtype())};
-        if (!(moments.first.shape() == value.shape()) || !(moments.second.shape() == value.shape()))
-            fail<ShapeError>("what the optimizer remembers of ", parameters[i].name(),
-                             " has another shape than ", value.shape());
         const auto steps = static_cast<double>(++moments.steps);
         const Factors factors{options_.beta1, options_.beta2, options_.epsilon,
                               learning_rate / (1.0 - std::pow(options_.beta1, steps)),
@@ -100,8 +112,11 @@ void Adam::load(const TensorFile& file, const std::string& source, const std::st
         const auto end = file.tensors.end();
         if (first == end || second == end || steps == end || steps->second.size() != 1)
             fail<FileError>(source, ": the state of the optimizer for ", name, " is incomplete");
-        loaded[name] = {first->second, second->second,
-                        static_cast<std::int64_t>(steps->second.item())};
+        const double count = steps->second.item();
+        constexpr double most = 9007199254740992.0;  // larger ones are not counted exactly
+        if (!(count >= 0.0 && count <= most && count == std::floor(count)))
+            fail<FileError>(source, ": ", count, " steps of the optimizer for ", name);
+        loaded[name] = {first->second, second->second, static_cast<std::int64_t>(count)};
     }
     moments_ = std::move(loaded);
 }

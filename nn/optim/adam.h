@@ -26,8 +26,8 @@ public:
 
     /// Updates each parameter with its gradient. Throws ValueError unless there is one gradient for
     /// each parameter, ShapeError or TypeError for a gradient of another shape or type, and
-    /// NumericError, which names the parameter, before anything changes if a gradient is not
-    /// finite. Elements of gradients are clamped to +-1e18, since larger squares exceed float32.
+    /// NumericError, which names the parameter, if a gradient is not finite. Then nothing has
+    /// changed. Elements of gradients are clamped to +-1e18, since larger squares exceed float32.
     void step(std::span<const Parameter> parameters, std::span<const Variable> gradients,
               double learning_rate);
 
@@ -35,7 +35,7 @@ public:
     void save(TensorFile& file, const std::string& prefix) const;
     /// Replaces the state by the one that `save` wrote under the same prefix, so that training
     /// continues with the same bits. Throws FileError, which names `source`, for an incomplete
-    /// entry.
+    /// entry and for a number of steps that is none.
     void load(const TensorFile& file, const std::string& source, const std::string& prefix);
 
 private:
@@ -44,6 +44,8 @@ private:
         Tensor second;
         std::int64_t steps = 0;
     };
+
+    void require_alike(const Parameter& parameter, const Tensor& gradient) const;
 
     AdamOptions options_;
     std::map<std::string, Moments, std::less<>> moments_;

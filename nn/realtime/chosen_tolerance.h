@@ -46,7 +46,7 @@ inline constexpr std::int64_t views_per_check = 16;
 inline constexpr std::int64_t most_checked_views = 6;
 inline constexpr std::int64_t most_tolerances = 4;
 
-/// So many decibels more are asked for in the checked views, because others may be worse.
+/// Decibels that checked views need beyond the wanted ones, because others may be worse.
 inline constexpr double spare_decibels = 1.5;
 
 /// A renderer of options.mode whose frames of these views are within `psnr` of exact frames. Checks

@@ -29,6 +29,7 @@
 #include <cmath>
 #include <limits>
 
+#include "core/error.h"
 #include "nn/engine/compositing.h"
 
 namespace stymo {
@@ -86,8 +87,8 @@ void DensityGrid::evaluate_around(std::span<const float> points, const LogitFunc
     const auto want = [this](std::int64_t vertex) {
         float& logit = logits_[static_cast<std::size_t>(vertex)];
         if (logit != unknown) return;
-        logit = wanted;
         wanted_.push_back(vertex);
+        logit = wanted;
         for (const std::int64_t coordinate :
              {vertex % vertices_, vertex / vertices_ % vertices_, vertex / vertices_ / vertices_})
             points_.push_back(static_cast<float>(coordinate) * spacing_ - half_side_);
@@ -99,11 +100,20 @@ void DensityGrid::evaluate_around(std::span<const float> points, const LogitFunc
             want(first + ((corner / 4) * vertices_ + corner / 2 % 2) * vertices_ + corner % 2);
     }
     new_logits_.resize(wanted_.size());
-    logits_at(points_, new_logits_);
-    // A lower bound keeps logits apart from the special values `unknown` and `wanted`.
-    constexpr float least_logit = -60.0F;
+    try {
+        logits_at(points_, new_logits_);
+        if (std::ranges::any_of(new_logits_, [](float logit) { return std::isnan(logit); }))
+            fail<NumericError>("the density of the face is not finite");
+    } catch (...) {
+        for (const std::int64_t vertex : wanted_)
+            logits_[static_cast<std::size_t>(vertex)] = unknown;
+        throw;
+    }
+    // Bounds keep logits apart from the special values `unknown` and `wanted`, and from infinity.
+    constexpr float least_logit = -60.0F, largest_logit = 1e6F;
     for (std::size_t i = 0; i < wanted_.size(); ++i)
-        logits_[static_cast<std::size_t>(wanted_[i])] = std::max(new_logits_[i], least_logit);
+        logits_[static_cast<std::size_t>(wanted_[i])] =
+            std::clamp(new_logits_[i], least_logit, largest_logit);
     known_vertices_ += std::ssize(wanted_);
 }
 

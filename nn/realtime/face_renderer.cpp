@@ -11,13 +11,6 @@
 namespace stymo {
 namespace {
 
-bool same(const Camera& a, const Camera& b) {
-    return a.center == b.center && a.world_from_camera == b.world_from_camera &&
-           a.intrinsics.focal == b.intrinsics.focal &&
-           a.intrinsics.center_x == b.intrinsics.center_x &&
-           a.intrinsics.center_y == b.intrinsics.center_y;
-}
-
 void require_tolerance(double tolerance) {
     if (!(tolerance >= 0.0 && tolerance < 1.0))
         fail<ValueError>("the tolerance must be from 0 to below 1, got ", tolerance);
@@ -131,7 +124,7 @@ bool FaceRenderer::State::take(const Codes& codes, std::int64_t index, std::size
 }
 
 void FaceRenderer::State::render_field(const Camera& seen_by, const std::stop_token& stop) {
-    if (camera && same(*camera, seen_by)) {
+    if (camera && *camera == seen_by) {
         feature_map.field_samples = feature_map.grid_points = feature_map.tiles = 0;
         return;
     }

@@ -27,6 +27,8 @@ struct RendererOptions {
     /// Removes pieces that are separate from the head (FloaterRemoval). Ignored if the model's
     /// decoder does not fold.
     bool remove_floaters = false;
+
+    bool operator==(const RendererOptions&) const = default;
 };
 
 /// Amount of work of the last frame.

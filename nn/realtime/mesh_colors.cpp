@@ -36,9 +36,10 @@ double weight_of(const ColoredView& view, const Eigen::Vector3d& vertex,
                  const Eigen::Vector3d& normal, std::size_t& pixel) {
     const std::int64_t side = view.image.shape(0);
     const Eigen::Vector3d image = project(view.camera, vertex);
+    if (!(image[2] > 0.0) || !(image.head<2>().cwiseAbs().maxCoeff() < 1e6)) return 0.0;
     const auto column = static_cast<std::int64_t>(std::floor(image[0] * static_cast<double>(side)));
     const auto row = static_cast<std::int64_t>(std::floor(image[1] * static_cast<double>(side)));
-    if (image[2] <= 0.0 || column < 0 || column >= side || row < 0 || row >= side) return 0.0;
+    if (column < 0 || column >= side || row < 0 || row >= side) return 0.0;
     pixel = static_cast<std::size_t>(row * side + column);
     if (image[2] > static_cast<double>(view.depth.values<float>()[pixel]) + depth_tolerance)
         return 0.0;

@@ -106,4 +106,10 @@ TEST_CASE("A signal within a guard is noted and does not end the process") {
     }
     const stymo::InterruptGuard guard;
     CHECK_FALSE(stymo::interrupted());
+    std::raise(SIGTERM);
+    {
+        const stymo::InterruptGuard inner;
+        CHECK(stymo::interrupted());
+    }
+    CHECK(stymo::interrupted());
 }

@@ -30,6 +30,7 @@ TEST_CASE("A shape knows its extents from both ends", "[tensor]") {
     CHECK_THROWS_AS((Shape{large, large}), ShapeError);
     CHECK_THROWS_AS((Shape{large, 1}).with(1, large), ShapeError);
     CHECK((Shape{0, large, large}).size() == 0);
+    CHECK((Shape{large, large, 0}).size() == 0);
     std::ostringstream text;
     text << shape;
     CHECK(text.str() == "(2, 3, 4)");

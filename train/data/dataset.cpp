@@ -364,6 +364,7 @@ void Dataset::announce(std::int64_t index) const {
     for (const std::filesystem::path* file :
          {&face.image, &face.mask, &face.parsing, &face.unknown})
         if (!file->empty()) prefetch(*file);
+    for (const std::filesystem::path& part : face.mask_parts) prefetch(part);
 }
 
 double Dataset::waiting_seconds() const {

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <initializer_list>
 #include <nlohmann/json.hpp>
 #include <string_view>
@@ -28,13 +27,6 @@ void require_keys(const Json& object, const char* what,
             fail<FileError>("unknown key \"", member.key(), "\" in ", what);
 }
 
-double finite_number(const Json& value, const char* what) {
-    const auto number = value.get<double>();
-    if (!std::isfinite(static_cast<float>(number)))
-        fail<FileError>("\"", what, "\" holds ", number, ", which is too large");
-    return number;
-}
-
 std::string plain_message(const Json::exception& error) {
     const std::string message = error.what();
     const std::size_t end = message.find("] ");
@@ -45,7 +37,7 @@ double number_at(const Json& object, const char* key, double absent) {
     const auto found = object.find(key);
     if (found == object.end()) return absent;
     if (!found->is_number()) fail<FileError>("\"", key, "\" must be a number");
-    return finite_number(*found, key);
+    return require_float(found->get<double>(), key);
 }
 
 std::vector<double> numbers_of(const Json& value, const char* what, std::size_t count) {
@@ -54,7 +46,7 @@ std::vector<double> numbers_of(const Json& value, const char* what, std::size_t 
         std::all_of(value.begin(), value.end(), [](const Json& item) { return item.is_number(); });
     if (!numbers) fail<FileError>("\"", what, "\" must be an array of ", count, " numbers");
     std::vector<double> result;
-    for (const Json& item : value) result.push_back(finite_number(item, what));
+    for (const Json& item : value) result.push_back(require_float(item.get<double>(), what));
     return result;
 }
 

@@ -154,8 +154,9 @@ bool id_less(const std::string& a, const std::string& b) {
 }
 
 FolderScan scan_folder(const fs::path& folder) {
-    if (!fs::is_directory(folder)) {
-        const bool is_file = fs::is_regular_file(folder);
+    std::error_code unreadable;
+    if (!fs::is_directory(folder, unreadable)) {
+        const bool is_file = fs::is_regular_file(folder, unreadable);
         const std::string reason = is_file ? reason_against(folder) : "";
         fail<FileError>(folder.string(), is_file ? ": a file" : ": no such folder",
                         reason.empty() ? "" : " (" + reason + ")",

@@ -10,6 +10,7 @@
 #include "nn/optim/lbfgs.h"
 #include "nn/optim/muon.h"
 #include "render/morphable/builtin_head.h"
+#include "support/fitted_landmarks.h"
 #include "train/gradient_sums.h"
 
 namespace stymo::stability {
@@ -150,7 +151,7 @@ StabilityCase landmarks(const std::string& name, const std::string& behaviour,
                 frontal.pose = pivot_pose(0.0, 0.0, 0.0, 5.3, 0.9);
                 frontal.identity.resize(100);
                 frontal.expression.resize(79);
-                Landmarks points = fitted_landmarks(head, frontal, {}, 256);
+                Landmarks points = stymo::test::fitted_landmarks(head, frontal, {}, 256);
                 for (Eigen::Vector2d& point : points) change(point);
                 const MorphableFitTarget target{points, Tensor::full({256, 256, 3}, 0.5), {}};
                 const MorphableFit fit =

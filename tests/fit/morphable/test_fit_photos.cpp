@@ -13,6 +13,7 @@
 #include "fit/photo/pose_network.h"
 #include "render/morphable/head_source.h"
 #include "shared_data.h"
+#include "support/fitted_landmarks.h"
 
 namespace {
 
@@ -52,7 +53,7 @@ TEST_CASE("On photos the fitted head meets dlib's landmarks and agrees with a po
         std::vector<double> misses, yaws, pitches;
         for (std::size_t i = 0; i < fits.size(); ++i) {
             const stymo::Landmarks found =
-                stymo::fitted_landmarks(head, fits[i], {}, targets[i].image.shape(0));
+                stymo::test::fitted_landmarks(head, fits[i], {}, targets[i].image.shape(0));
             double sum = 0.0;
             for (std::size_t k = 0; k < found.size(); ++k)
                 sum += (found[k] - targets[i].landmarks[k]).norm() / 68.0;

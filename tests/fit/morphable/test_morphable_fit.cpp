@@ -16,6 +16,7 @@
 #include "render/morphable/head_source.h"
 #include "shared_data.h"
 #include "support/error_message.h"
+#include "support/fitted_landmarks.h"
 #include "support/thread_count.h"
 #include "train/data/synthetic_faces.h"
 
@@ -59,7 +60,7 @@ constexpr stymo::MorphableFitOptions precise_jaw{.jaw_deviation = 0.02};
                                                   const stymo::SyntheticFace& face,
                                                   double deviation, stymo::Rng rng) {
     const stymo::SyntheticImage image = stymo::render_synthetic_face(head, face, {}, side);
-    stymo::MorphableFitTarget target{stymo::fitted_landmarks(head, truth_of(face), {}, side),
+    stymo::MorphableFitTarget target{stymo::test::fitted_landmarks(head, truth_of(face), {}, side),
                                      image.color, image.mask};
     for (auto& point : target.landmarks) {
         for (double& coordinate : point)
@@ -80,8 +81,8 @@ constexpr stymo::MorphableFitOptions precise_jaw{.jaw_deviation = 0.02};
 /// Root mean square distance from the true landmarks, in units of the side.
 [[nodiscard]] double truth_error(const stymo::MorphableHead& head, const stymo::SyntheticFace& face,
                                  const stymo::MorphableFit& fit) {
-    const stymo::Landmarks truth = stymo::fitted_landmarks(head, truth_of(face), {}, 1);
-    const stymo::Landmarks found = stymo::fitted_landmarks(head, fit, {}, 1);
+    const stymo::Landmarks truth = stymo::test::fitted_landmarks(head, truth_of(face), {}, 1);
+    const stymo::Landmarks found = stymo::test::fitted_landmarks(head, fit, {}, 1);
     double sum = 0.0;
     for (std::size_t k = 0; k < truth.size(); ++k)
         sum += std::pow(truth[k][0] - found[k][0], 2) + std::pow(truth[k][1] - found[k][1], 2);
@@ -125,7 +126,7 @@ TEST_CASE("Exact landmarks of a head at large angles bring back its pose") {
                 std::vector<float>(27),
                 0.0};
             poses.push_back(truth.pose);
-            targets.push_back({stymo::fitted_landmarks(head, truth, {}, side),
+            targets.push_back({stymo::test::fitted_landmarks(head, truth, {}, side),
                                Tensor::zeros({side, side, 3}),
                                {}});
         }
@@ -209,7 +210,7 @@ TEST_CASE("An outline that a detector puts too far to one side hardly turns the 
                                     std::vector<float>(27),
                                     0.0};
     stymo::MorphableFitTarget target{
-        stymo::fitted_landmarks(head, truth, {}, side), Tensor::zeros({side, side, 3}), {}};
+        stymo::test::fitted_landmarks(head, truth, {}, side), Tensor::zeros({side, side, 3}), {}};
     constexpr std::size_t jaw_points = 17;
     for (std::size_t k = 0; k < jaw_points; ++k) target.landmarks[k][0] += 0.03 * side;
     const auto degrees_off = [&](double jaw_deviation) {

@@ -107,6 +107,23 @@ TEST_CASE("a density grid bounds what it has learnt and nothing else", "[realtim
     CHECK_FALSE(grid.bounds(points, bounds));
 }
 
+TEST_CASE("a density grid knows nothing of what could not be evaluated", "[realtime]") {
+    DensityGrid grid(1.0, 0.3);
+    const std::vector<float> points{0.1F, 0.2F, 0.3F};
+    std::vector<DensityBounds> bounds(1);
+    const auto fails = [](std::span<const float>, std::span<float>) {
+        throw std::runtime_error("stopped");
+    };
+    const auto not_a_number = [](std::span<const float>, std::span<float> logits) {
+        std::ranges::fill(logits, std::numeric_limits<float>::quiet_NaN());
+    };
+    CHECK_THROWS_AS(grid.evaluate_around(points, fails), std::runtime_error);
+    CHECK_THROWS_AS(grid.evaluate_around(points, not_a_number), stymo::NumericError);
+    CHECK(grid.known_vertices() == 0);
+    CHECK_FALSE(grid.bounds(points, bounds));
+    CHECK(std::isinf(bounds[0].upper));
+}
+
 TEST_CASE("samples outside the known range of a ray are left out at any tolerance", "[realtime]") {
     SampleSelection selection;
     selection.resize(2, 8);

@@ -102,6 +102,35 @@ TEST_CASE("Adam refuses gradients that do not fit") {
     CHECK_THROWS_AS(adam.step(store.all(), std::span(wrong).first(1), 0.1), ValueError);
 }
 
+TEST_CASE("Adam changes nothing if one of the gradients does not fit") {
+    const ParameterStore store = two_parameters();
+    const std::vector<double> before = store.all()[0].variable().value().to_vector();
+    Adam adam;
+    const std::vector<Variable> other_shape{Tensor::full({3}, 1.0), Tensor::zeros({4})};
+    const std::vector<Variable> other_type{Tensor::full({3}, 1.0),
+                                           Tensor::zeros({2, 2}, DType::float64)};
+    CHECK_THROWS_AS(adam.step(store.all(), other_shape, 0.1), ShapeError);
+    CHECK_THROWS_AS(adam.step(store.all(), other_type, 0.1), TypeError);
+    CHECK(store.all()[0].variable().value().to_vector() == before);
+    TensorFile state;
+    adam.save(state, "");
+    CHECK(state.tensors.empty());
+}
+
+TEST_CASE("Adam reads no state whose number of steps is none") {
+    TensorFile state;
+    const ParameterStore store = two_parameters();
+    Adam adam;
+    adam.step(store.all(), std::vector<Variable>{Tensor::full({3}, 1.0), Tensor::full({2, 2}, 1.0)},
+              0.1);
+    adam.save(state, "");
+    const std::string steps = store.all()[0].name() + ".steps";
+    for (const double wrong : {-1.0, 0.5, 1e300, std::numeric_limits<double>::quiet_NaN()}) {
+        state.tensors.insert_or_assign(steps, Tensor::full({1}, wrong, DType::float64));
+        CHECK_THROWS_AS(adam.load(state, "state", ""), FileError);
+    }
+}
+
 TEST_CASE("Adam refuses a gradient that is not finite by its name, and nothing has changed") {
     const ParameterStore store = two_parameters();
     const std::vector<double> before = store.all()[0].variable().value().to_vector();
