@@ -98,7 +98,7 @@ void declare_view(stymo::Command& line, stymo::RenderOptions& options) {
     line.option("--roll", options.roll, "degrees").range(-180, 180);
     line.option(
             "--distance", options.distance,
-            "distance of the camera, as a multiple of the usual one. Default: 1.2 with --sample, "
+            "distance of the camera, as a multiple of the usual one. Default: 1.15 with --sample, "
             "which also shows hair that the image would cut, otherwise 1")
         .range(0.6, 2.5);
     line.option("--around", options.around,

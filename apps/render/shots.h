@@ -53,7 +53,7 @@ struct RenderOptions {
 
     /// Hair of drawn faces is often larger than the image from the usual distance.
     [[nodiscard]] double chosen_distance() const {
-        return distance.value_or(sample > 0 ? 1.2 : 1.0);
+        return distance.value_or(sample > 0 ? 1.15 : 1.0);
     }
     /// --out is the depth; no image is wanted.
     [[nodiscard]] bool depth_alone() const { return sample == 0 && out.extension() == ".exr"; }
