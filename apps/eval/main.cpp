@@ -228,13 +228,7 @@ stymo::AppResult evaluate(Options options, const stymo::CommandLine& line) {
     });
 }
 
-}  // namespace
-
-int stymo_eval(int argc, char** argv) {
-    Options options;
-    stymo::CommandLine line("stymo-eval",
-                            "Measures L1, LPIPS, SSIM and PSNR of a model on a folder of faces, of "
-                            "the head on black over the full frame.");
+void declare_evaluation(stymo::CommandLine& line, Options& options) {
     stymo::declare_model(line, options.model);
     line.option("--data", options.data,
                 "folder of faces in the FFHQ format or in CelebAMask-HQ's layout (required)");
@@ -278,8 +272,9 @@ int stymo_eval(int argc, char** argv) {
     stymo::declare_lpips_metric(line, options.lpips);
     stymo::declare_lpips_files(line, options.lpips);
     line.requiring("--fit", [&] { stymo::declare_perceptual_weight(line, options.lpips); });
+}
 
-    stymo::PairOptions pair;
+void declare_pair(stymo::CommandLine& line, stymo::PairOptions& pair) {
     stymo::Command command =
         line.command("pair", "Compares two images of the same size, without a mask.",
                      [&](const stymo::CommonOptions&) { return stymo::compare_pair(pair); });
@@ -287,9 +282,10 @@ int stymo_eval(int argc, char** argv) {
     command.option("B", pair.b, "second image").required();
     stymo::declare_lpips_metric(command, pair.lpips);
     command.requiring("--lpips", [&] { stymo::declare_lpips_files(command, pair.lpips); });
+}
 
-    stymo::DrawnOptions drawn;
-    command = line.command(
+void declare_drawn(stymo::CommandLine& line, stymo::DrawnOptions& drawn) {
+    stymo::Command command = line.command(
         "drawn", "Compares faces that are drawn from the model with photos, as a whole.",
         [&](const stymo::CommonOptions& common) { return evaluate_drawn(drawn, common.seed); });
     stymo::declare_model(command, drawn.model);
@@ -303,16 +299,34 @@ int stymo_eval(int argc, char** argv) {
     command.option("--truncation", drawn.truncation, "1: as varied as the photos; 0: the mean")
         .range(0, 10);
     command.option("--sheet", drawn.sheet, "image file for the first 32 drawn faces");
+}
 
-    stymo::PeopleOptions people;
-    command = line.command("people", "Measures whether the codes of photos tell who they show.",
-                           [&](const stymo::CommonOptions&) { return evaluate_people(people); });
+void declare_people(stymo::CommandLine& line, stymo::PeopleOptions& people) {
+    stymo::Command command =
+        line.command("people", "Measures whether the codes of photos tell who they show.",
+                     [&](const stymo::CommonOptions&) { return evaluate_people(people); });
     stymo::declare_model(command, people.model);
     command.option("--data", people.data,
                    "folder of faces whose faces.jsonl names people (required)");
     command.option("--ids", people.ids,
                    "positions in the order of ids, such as 700-799, or a file with one id in each "
                    "line");
+}
+
+}  // namespace
+
+int stymo_eval(int argc, char** argv) {
+    Options options;
+    stymo::PairOptions pair;
+    stymo::DrawnOptions drawn;
+    stymo::PeopleOptions people;
+    stymo::CommandLine line("stymo-eval",
+                            "Measures L1, LPIPS, SSIM and PSNR of a model on a folder of faces, of "
+                            "the head on black over the full frame.");
+    declare_evaluation(line, options);
+    declare_pair(line, pair);
+    declare_drawn(line, drawn);
+    declare_people(line, people);
     return line.run(argc, argv,
                     [&](const stymo::CommonOptions&) { return evaluate(options, line); });
 }

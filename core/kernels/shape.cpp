@@ -36,23 +36,23 @@ Tensor permute(const Tensor& x, const std::vector<int>& order) {
         T* out = y.mutable_values<T>().data();
         const std::int64_t length = shape[rank - 1];
         const std::int64_t step = stride[static_cast<std::size_t>(rank - 1)];
+        const auto copy_row = [&](std::int64_t row) {
+            const T* from = in;
+            std::int64_t rest = row;
+            for (int axis = rank - 2; axis >= 0; --axis) {
+                from += rest % shape[axis] * stride[static_cast<std::size_t>(axis)];
+                rest /= shape[axis];
+            }
+            T* to = out + row * length;
+            if (step == 1) {
+                std::copy_n(from, length, to);
+            } else {
+                for (std::int64_t i = 0; i < length; ++i) to[i] = from[i * step];
+            }
+        };
         parallel_for(shape.size() / length, rows_per_chunk(length),
                      [&](std::int64_t begin, std::int64_t end) {
-                         for (std::int64_t row = begin; row < end; ++row) {
-                             const T* from = in;
-                             std::int64_t rest = row;
-                             for (int axis = rank - 2; axis >= 0; --axis) {
-                                 from +=
-                                     rest % shape[axis] * stride[static_cast<std::size_t>(axis)];
-                                 rest /= shape[axis];
-                             }
-                             T* to = out + row * length;
-                             if (step == 1) {
-                                 std::copy_n(from, length, to);
-                             } else {
-                                 for (std::int64_t i = 0; i < length; ++i) to[i] = from[i * step];
-                             }
-                         }
+                         for (std::int64_t row = begin; row < end; ++row) copy_row(row);
                      });
     });
     return y;
