@@ -45,7 +45,8 @@ double number(const std::string& text, double low, double high, const std::strin
 }
 
 double coefficient(const std::string& text, const std::string& cell_name) {
-    return number(text, 0.0, 100.0, cell_name);
+    // Calibrated recordings go a little below 0.
+    return std::max(number(text, -1.0, 100.0, cell_name), 0.0);
 }
 
 /// From the angles of a head to those of the camera that sees it so, and back. ARKit's pitch is

@@ -166,7 +166,7 @@ stymo::AppResult drive_by_coefficients(const Options& options, const stymo::Mode
     const std::vector<stymo::ArkitMoment> rows = stymo::read_coefficients(options.coefficients);
     const fs::path& morphable = options.preparation.morphable;
     const stymo::ArkitConversion conversion = stymo::arkit_conversion(morphable);
-    const stymo::Tensor plausible = plausible_changes(model, stymo::morphable_head_from(morphable));
+    const stymo::PlausibleChanges plausible(model, stymo::morphable_head_from(morphable));
     stymo::FilmFrame frame{.found = true, .change = stymo::unmoved()};
     stymo::DrivenFace driven = driven_face(options, shown, face, nullptr);
     const double rendering = write_film(options, driven, options.rate, [&](const FrameSink& sink) {
@@ -174,8 +174,8 @@ stymo::AppResult drive_by_coefficients(const Options& options, const stymo::Mode
         for (const stymo::ArkitMoment& row : rows) {
             if (stymo::interrupted()) return;
             const std::vector<float> code = conversion.code(row.coefficients);
-            frame.change = stymo::Tensor::from({1, std::ssize(code)}, std::span<const float>(code));
-            if (plausible.defined()) frame.change = matmul(frame.change, plausible).value();
+            frame.change =
+                plausible(stymo::Tensor::from({1, std::ssize(code)}, std::span<const float>(code)));
             frame.pose.yaw = row.view[0];
             frame.pose.pitch = row.view[1];
             frame.roll = row.view[2];

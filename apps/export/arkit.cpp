@@ -105,7 +105,9 @@ AppResult to_codes(const ArkitOptions& options, const ArkitConversion& conversio
     return {
         text_from(options.out.string(), ": ", rows.size(), rows.size() == 1 ? " face" : " faces",
                   "; at worst the code misses the shapes by ", decimal(worst.there, 3), " mm of ",
-                  decimal(worst.size, 3), " mm\n"),
+                  decimal(worst.size, 3),
+                  " mm. These codes move the linear head; few of them are faces that the model can "
+                  "draw, so drive a face with stymo-drive --coefficients\n"),
         JsonValue::object({{"written", options.out.string()},
                            {"faces", rows.size()},
                            {"worst_miss_mm", worst.there}})};

@@ -1,13 +1,11 @@
 #include "fit/video/landmark_expression.h"
 
-#include "core/ops/ops.h"
-#include "fit/expression_prior.h"
 #include "fit/morphable/morphable_fit.h"
 
 namespace stymo {
 
 LandmarkExpression::LandmarkExpression(const PhotoPreparation& preparation, const Model& model)
-    : preparation_(preparation), plausible_(plausible_changes(model, preparation.head())) {}
+    : preparation_(preparation), plausible_(model, preparation.head()) {}
 
 void LandmarkExpression::know(std::span<const FrameInWork> faces) {
     identity_.assign(MorphableHead::identity_size, 0.0F);
@@ -27,7 +25,7 @@ void LandmarkExpression::see(std::span<FrameInWork> faces) const {
     for (std::size_t i = 0; i < faces.size(); ++i) {
         const Tensor shown =
             Tensor::from({1, MorphableHead::expression_size}, std::span(fits[i].expression));
-        faces[i].frame.change = plausible_.defined() ? matmul(shown, plausible_).value() : shown;
+        faces[i].frame.change = plausible_(shown);
     }
 }
 

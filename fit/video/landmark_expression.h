@@ -3,6 +3,7 @@
 #include <span>
 #include <vector>
 
+#include "fit/expression_prior.h"
 #include "fit/video/film_frame.h"
 #include "nn/models/model.h"
 
@@ -18,13 +19,13 @@ public:
     /// The person: the mean of the prepared faces' identities, which are those of the linear head.
     void know(std::span<const FrameInWork> faces);
     /// Sets FilmFrame::change of prepared faces after know(): the expression of the linear
-    /// head with this identity, drawn to what the model's faces do (plausible_changes). Throws like
+    /// head with this identity, drawn to what the model's faces do (PlausibleChanges). Throws like
     /// fit_morphable.
     void see(std::span<FrameInWork> faces) const;
 
 private:
     const PhotoPreparation& preparation_;
-    Tensor plausible_;
+    PlausibleChanges plausible_;
     std::vector<float> identity_;
 };
 

@@ -15,7 +15,7 @@ class LiveFace {
 public:
     struct Sight {
         /// What is to be added to another face's expression, (1, 79); like what stymo-drive adds,
-        /// it is drawn to what the model's faces do (plausible_changes).
+        /// it is drawn to what the model's faces do (PlausibleChanges).
         Tensor change;
         /// Of the head, as in Pose, relative to the first image, because cameras often stand aside.
         double yaw = 0.0, pitch = 0.0, roll = 0.0;
