@@ -6,9 +6,16 @@
 
 #include "core/angle.h"
 #include "core/ops/ops.h"
+#include "nn/realtime/view.h"
+#include "render/soft_edge.h"
 
 namespace stymo {
 namespace {
+
+/// The whole head, as it turns around its middle.
+Camera film_camera(const Model& model, double yaw, double pitch, double roll) {
+    return turned_camera(model.config().camera, head_middle, yaw, pitch, roll, whole_head_distance);
+}
 
 /// A renderer for the face from the sides that a film may show.
 ChosenRenderer film_renderer(const DrivenFaceOptions& options, const Model& model,
@@ -18,12 +25,13 @@ ChosenRenderer film_renderer(const DrivenFaceOptions& options, const Model& mode
     std::vector<FaceView> views;
     for (int i = 0; i < sides; ++i) {
         const double yaw = largest_yaw * (2.0 * i / (sides - 1) - 1.0);
-        views.push_back({face, model_camera(model, radians_from_degrees(yaw), 0.0, 0.0)});
+        views.push_back({face, film_camera(model, radians_from_degrees(yaw), 0.0, 0.0)});
     }
     return choose_renderer(model, views,
                            {.mode = model.decoder().folds() ? RenderMode::skip : RenderMode::exact,
                             .samples_per_ray = model.config().reconstruction.fit_samples_per_ray,
                             .resolution = options.size,
+                            .mask = true,
                             .remove_floaters = true},
                            options.psnr);
 }
@@ -72,7 +80,8 @@ Tensor DrivenFace::frame(const FilmFrame& seen) {
 
 Tensor DrivenFace::rendered(const Codes& codes, double yaw, double pitch, double roll) {
     chosen_.renderer.show(codes);
-    return chosen_.renderer.render(model_camera(model_, yaw, pitch, roll)).image;
+    const View view = chosen_.renderer.render(film_camera(model_, yaw, pitch, roll));
+    return with_soft_edge(view.image, view.mask);
 }
 
 std::vector<double> DrivenFace::embedding_of(const Tensor& image) const {

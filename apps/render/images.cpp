@@ -18,6 +18,7 @@
 #include "core/progress.h"
 #include "nn/realtime/pixel_depth.h"
 #include "nn/realtime/view.h"
+#include "render/soft_edge.h"
 #include "train/training_codes.h"
 
 namespace stymo {
@@ -52,7 +53,7 @@ ChosenRenderer image_renderer(const RenderOptions& options, const Model& model,
     RendererOptions wanted = options.renderer;
     wanted.remove_floaters = !options.keep_floaters;
     wanted.depth = false;
-    wanted.mask = wanted.mask || options.cutout;
+    wanted.mask = wanted.mask || options.cutout || !options.raw;
     if (!model.decoder().folds() && !options.tolerance) wanted.mode = RenderMode::exact;
     if (options.tolerance && tolerates(wanted.mode)) {
         wanted.tolerance = *options.tolerance;
@@ -63,9 +64,9 @@ ChosenRenderer image_renderer(const RenderOptions& options, const Model& model,
     return choose_renderer(model, views, wanted, options.psnr);
 }
 
-/// Throws UsageError for an animation whose frames, which are written at the end, hardly any
-/// machine could hold.
-void require_room(const RenderOptions& options, const Model& model, std::size_t frames) {
+/// Throws UsageError for images, which are written at the end, that hardly any machine could hold.
+void require_room(const RenderOptions& options, const Model& model, std::size_t frames,
+                  bool animation) {
     constexpr double gibibyte = 1024.0 * 1024.0 * 1024.0, most = 4.0;
     const std::int64_t wanted = options.renderer.resolution;
     const std::int64_t side = wanted == 0 ? model.decoder().ladder().largest() : wanted;
@@ -74,10 +75,13 @@ void require_room(const RenderOptions& options, const Model& model, std::size_t 
     const double needed = static_cast<double>(frames) * static_cast<double>(side * side) *
                           channels * sizeof(float) / gibibyte;
     if (needed <= most) return;
-    const char* const number = options.orbit > 0 ? "--orbit" : "--frames";
-    fail<UsageError>(number, ": ", frames, " frames of ", side, " x ", side, " pixels need ",
-                     decimal(needed, 1), " GiB of memory, more than ", decimal(most, 0),
-                     "; give a smaller ", number, " or --size");
+    const char* const number = options.orbit > 0    ? "--orbit"
+                               : options.sample > 0 ? "--sample"
+                               : options.grid()     ? "--grid-yaw and --grid-pitch"
+                                                    : "--frames";
+    fail<UsageError>(number, ": ", frames, animation ? " frames of " : " images of ", side, " x ",
+                     side, " pixels need ", decimal(needed, 1), " GiB of memory, more than ",
+                     decimal(most, 0), "; give a smaller ", number, " or --size");
 }
 
 std::vector<View> views(const RenderOptions& options, const Model& model,
@@ -102,6 +106,8 @@ std::vector<View> views(const RenderOptions& options, const Model& model,
         if (!options.depth_alone()) {
             renderer.show(shot.codes);
             view = renderer.render(camera);
+            if (!options.raw && !options.cutout) view.image = with_soft_edge(view.image, view.mask);
+            if (!options.renderer.mask && !options.cutout) view.mask = Tensor();
         }
         if (of_depth || options.depth_alone()) {
             depths.show(shot.codes);
@@ -126,12 +132,14 @@ std::vector<Tensor> images_of(const std::vector<View>& views, Tensor View::*part
     return images;
 }
 
-/// RGB and alpha of views of the head. The image keeps its colours where the mask is soft: divided
-/// by the mask, the brighter of them would become a white rim.
-std::vector<Tensor> cutouts(const std::vector<View>& views) {
+/// RGB and alpha of views of the head. The image keeps its colours where the head is not opaque:
+/// divided by the opacity, the brighter of them would become a white rim.
+std::vector<Tensor> cutouts(const std::vector<View>& views, bool raw) {
     std::vector<Tensor> images;
-    for (const View& view : views)
-        images.push_back(concat({Variable(view.image), Variable(view.mask)}, 2).value());
+    for (const View& view : views) {
+        const Tensor alpha = raw ? view.mask : soft_opacity(view.mask);
+        images.push_back(concat({Variable(view.image), Variable(alpha)}, 2).value());
+    }
     return images;
 }
 
@@ -163,7 +171,7 @@ std::string numbered(std::size_t number) {
 WrittenImages write_images(const std::filesystem::path& out, const RenderOptions& options,
                            const Model& model, const ShotList& list) {
     const bool animation = is_animation(out);
-    if (animation) require_room(options, model, list.shots.size());
+    require_room(options, model, list.shots.size(), animation);
     ChosenRenderer chosen = options.depth_alone() ? depth_renderer(options, model)
                                                   : image_renderer(options, model, list.shots);
     report(chosen);
@@ -195,7 +203,7 @@ WrittenImages write_images(const std::filesystem::path& out, const RenderOptions
         }
     };
     write(written.emplace_back(out),
-          options.cutout ? cutouts(seen) : images_of(seen, &View::image));
+          options.cutout ? cutouts(seen, options.raw) : images_of(seen, &View::image));
     if (options.renderer.mask) {
         std::vector<Tensor> masks = images_of(seen, &View::mask);
         if (animation) std::ranges::transform(masks, masks.begin(), grey);

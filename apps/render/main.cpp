@@ -98,8 +98,8 @@ void declare_view(stymo::Command& line, stymo::RenderOptions& options) {
     line.option("--roll", options.roll, "degrees").range(-180, 180);
     line.option(
             "--distance", options.distance,
-            "distance of the camera, as a multiple of the usual one. Default: 1.15 with --sample, "
-            "which also shows hair that the image would cut, otherwise 1")
+            "distance of the camera, as a multiple of that of photos. Default: 1.15, which also "
+            "shows hair that photos cut, but 1 for the pose of --codes")
         .range(0.6, 2.5);
     line.option("--around", options.around,
                 "what the head turns around: its middle, so that from -45 to 45 degrees no more of "
@@ -122,10 +122,13 @@ void declare_view(stymo::Command& line, stymo::RenderOptions& options) {
         .excludes("--psnr");
     line.flag("--keep-floaters", options.keep_floaters,
               "also show pieces that float beside the head, which are left out by default");
+    line.flag("--raw", options.raw,
+              "write what the decoder draws, without the soft edge beyond which a head fades to "
+              "black");
     line.flag("--mask", options.renderer.mask,
               "also write the head mask, OUT_mask.png, or an animation of masks");
     line.flag("--cutout", options.cutout,
-              "write the head alone, with its soft mask as the alpha of a .png image");
+              "write the head alone, with its opacity as the alpha of a .png image");
     line.flag("--depth", options.renderer.depth,
               "also write the depth of each pixel, OUT_depth.exr, or one file per frame of an "
               "animation; with --out X.exr the depth alone, for which no image is rendered");

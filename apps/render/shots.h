@@ -10,6 +10,7 @@
 #include "nn/models/code_file.h"
 #include "nn/realtime/face_renderer.h"
 #include "nn/realtime/head_mesh.h"
+#include "nn/realtime/view.h"
 
 namespace stymo {
 
@@ -47,13 +48,17 @@ struct RenderOptions {
     RendererOptions renderer;  ///< its mode is set from `mode`, its tolerance from `tolerance`
     double psnr = 45.0;        ///< wanted of the worst view against exact ones, in decibels
     std::optional<double> tolerance;  ///< used as it is, instead of one that `psnr` chooses
-    bool cutout = false;              ///< the mask as alpha
+    bool cutout = false;              ///< the head's opacity as alpha
+    bool raw = false;                 ///< no soft edge
     std::string around = "head";      ///< what stays in the middle as the head turns: head or face
     bool keep_floaters = false;
 
-    /// Hair of drawn faces is often larger than the image from the usual distance.
+    /// Whether the views are not those of the photo that a face was fitted to.
+    [[nodiscard]] bool leaves_photo() const {
+        return yaw || pitch || roll || orbit > 0 || grid() || sample > 0;
+    }
     [[nodiscard]] double chosen_distance() const {
-        return distance.value_or(sample > 0 ? 1.15 : 1.0);
+        return distance.value_or(leaves_photo() ? whole_head_distance : 1.0);
     }
     /// --out is the depth; no image is wanted.
     [[nodiscard]] bool depth_alone() const { return sample == 0 && out.extension() == ".exr"; }

@@ -13,6 +13,7 @@
 #include "nn/models/display_image.h"
 #include "nn/realtime/chosen_tolerance.h"
 #include "nn/realtime/view.h"
+#include "render/soft_edge.h"
 
 namespace stymo::view {
 
@@ -45,21 +46,6 @@ Tensor depth_normals(const Tensor& depth, const Camera& camera, const RaySamplin
             values[static_cast<std::size_t>(3 * i + axis)] = static_cast<float>(normal[axis]);
     }
     return result;
-}
-
-Tensor with_soft_edge(const Tensor& image, const Tensor& mask) {
-    constexpr float trained = 0.9F;
-    constexpr double smoothed_at_256 = 1.0;
-    if (std::ranges::max(mask.values<float>()) < trained) return image;
-    const auto side = static_cast<int>(mask.shape(0));
-    Tensor opacity = mask;
-    cv::Mat smooth(side, side, CV_32F, opacity.mutable_values<float>().data());
-    cv::GaussianBlur(smooth, smooth, {}, std::max(smoothed_at_256 * side / 256.0, 0.3));
-    for (float& value : opacity.mutable_values<float>()) {
-        const float t = std::clamp(2.0F * value - 1.0F, 0.0F, 1.0F);
-        value = t * t * (3.0F - 2.0F * t);
-    }
-    return masked_image(image, opacity);
 }
 
 namespace {

@@ -21,12 +21,6 @@ namespace stymo::view {
 [[nodiscard]] Tensor depth_normals(const Tensor& depth, const Camera& camera,
                                    const RaySampling& sampling);
 
-/// The image (S, S, 3) of a head with a soft edge, for a screen that shows it enlarged: the model's
-/// own edge is as hard as the masks of its training photos and shows as a staircase. It fades to
-/// black where the mask (S, S, 1), smoothed by the width of a pixel of 256, falls from 1 to 0.5.
-/// Unchanged if the mask is nowhere above 0.9: then the model was not trained with masks.
-[[nodiscard]] Tensor with_soft_edge(const Tensor& image, const Tensor& mask);
-
 /// The quantity that a frame shows.
 enum class Layer { image, depth, mask, normals };
 

@@ -57,6 +57,8 @@ inline constexpr double significant_weight = 1e-3;
 /// World z of the middle of the head. Around it a head turns without leaving the image from a yaw
 /// of -45 to 45 degrees; around the face, as in model_camera, it leaves it.
 inline constexpr double head_middle = 0.1;
+/// From this multiple of the model's distance an image rarely cuts the hair of a head.
+inline constexpr double whole_head_distance = 1.15;
 /// The camera turned about the middle of the head by these angles (radians).
 [[nodiscard]] Camera turned_about_head(Camera camera, double yaw, double pitch);
 /// The frontal camera turned around the point (0, 0, turning_z) by these angles (radians), at

@@ -38,8 +38,8 @@ const std::string train = "stymo-train --config tiny.json --data faces ";
 TEST_CASE(
     "Rendering makes neither encoder nor gradients, and computes the mask only if it is wanted",
     "[explain]") {
-    const json plain = explanation(render + "--mode exact --samples 4"),
-               masked = explanation(render + "--mode exact --samples 4 --mask");
+    const json plain = explanation(render + "--mode exact --samples 4 --raw"),
+               masked = explanation(render + "--mode exact --samples 4 --raw --mask");
     CHECK_FALSE(made(plain, "encoder"));
     CHECK_FALSE(made(plain, "discriminator"));
     CHECK_FALSE(made(plain, "lpips"));

@@ -13,6 +13,7 @@
 #include "nn/models/code_file.h"
 #include "nn/models/model.h"
 #include "nn/realtime/view.h"
+#include "render/soft_edge.h"
 #include "support/check_close.h"
 
 namespace render_tool_tests {
@@ -93,7 +94,8 @@ TEST_CASE("The head turns around its middle, or around the face", "[render_tool]
     };
     CHECK(identical(view("--yaw 30"), view("--yaw 30 --around head")));
     CHECK_FALSE(identical(view("--yaw 30"), view("--yaw 30 --around face")));
-    CHECK(peak_signal_to_noise_ratio(view("--yaw 0"), view("--yaw 0 --around face")) > 60.0);
+    CHECK(peak_signal_to_noise_ratio(view("--yaw 0 --distance 1"),
+                                     view("--yaw 0 --distance 1 --around face")) > 60.0);
 }
 
 TEST_CASE("A view from farther away turns around the same point", "[render_tool]") {
@@ -106,7 +108,10 @@ TEST_CASE("A view from farther away turns around the same point", "[render_tool]
     const Eigen::Vector3d middle(0.0, 0.0, stymo::head_middle);
     stymo::RenderOptions usual, turned;
     turned.yaw = 20.0;
+    CHECK(usual.chosen_distance() == 1.0);
+    CHECK(turned.chosen_distance() == stymo::whole_head_distance);
     for (stymo::RenderOptions options : {usual, turned}) {
+        options.distance = 1.0;
         const Eigen::Vector3d before = center(options) - middle;
         options.distance = 1.5;
         CHECK((center(options) - middle - 1.5 * before).norm() < 1e-12);
@@ -124,7 +129,8 @@ TEST_CASE("A path keeps the wanted decibels, says what was measured, and few vie
     CHECK(result["worst_psnr"] >= 40.0);
     CHECK(result["worst_pixel"] < 0.2);
     CHECK(result["mode"] == "skip");
-    const ToolOutcome few = done(std::string(of_fit) + "--orbit 2 --out few.gif --json --explain");
+    const ToolOutcome few =
+        done(std::string(of_fit) + "--orbit 2 --distance 1 --out few.gif --json --explain");
     CHECK_FALSE(json::parse(few.out).contains("checked_views"));
     const json counts = json::parse(few.out)["explain"]["counts"];
     CHECK(counts["through_the_field"] == counts["samples_of_the_last_frame"]);
@@ -236,20 +242,25 @@ TEST_CASE("Jobs of stymo-render that do not fit together are refused", "[render_
     CHECK_FALSE(fs::exists(tiny_run() / "out.png"));
 }
 
-TEST_CASE("A cutout has the head's colours and its soft mask as alpha", "[render_tool]") {
-    done(std::string(of_fit) + "--out whole.png --mask");
-    done(std::string(of_fit) + "--out cut.png --cutout");
+TEST_CASE("A cutout has the head's colours and its opacity as alpha", "[render_tool]") {
+    done(std::string(of_fit) + "--out whole.png --mask --raw");
     const stymo::Tensor whole = read_image(tiny_run() / "whole.png"),
                         mask = stymo::read_mask(tiny_run() / "whole_mask.png");
-    // read_image puts the head on black.
-    const stymo::Tensor on_black = read_image(tiny_run() / "cut.png");
-    REQUIRE(on_black.shape() == whole.shape());
-    std::size_t compared = 0;
-    for (; compared < on_black.values<float>().size(); ++compared)
-        CHECK(std::abs(on_black.values<float>()[compared] -
-                       whole.values<float>()[compared] * mask.values<float>()[compared / 3]) <
-              2.0F / 255.0F);
-    CHECK(compared == 3 * 64 * 64);
+    const auto check_alpha = [&](const std::string& options, const stymo::Tensor& alpha) {
+        INFO(options);
+        done(std::string(of_fit) + "--out cut.png --cutout" + options);
+        // read_image puts the head on black.
+        const stymo::Tensor on_black = read_image(tiny_run() / "cut.png");
+        REQUIRE(on_black.shape() == whole.shape());
+        std::size_t compared = 0;
+        for (; compared < on_black.values<float>().size(); ++compared)
+            CHECK(std::abs(on_black.values<float>()[compared] -
+                           whole.values<float>()[compared] * alpha.values<float>()[compared / 3]) <
+                  3.0F / 255.0F);
+        CHECK(compared == 3 * 64 * 64);
+    };
+    check_alpha(" --raw", mask);
+    check_alpha("", stymo::soft_opacity(mask));
     CHECK_FALSE(fs::exists(tiny_run() / "cut_mask.png"));
     for (const char* out : {"cut.jpg", "cut.gif --orbit 3", "cut.gif --to fit/codes.json"})
         refused(std::string(of_fit) + "--cutout --out " + out, 2, "--cutout needs a .png file");

@@ -23,6 +23,7 @@
 #include "nn/models/weight_changes.h"
 #include "nn/realtime/view.h"
 #include "render/morphable/builtin_head.h"
+#include "render/soft_edge.h"
 #include "support/tiny_model.h"
 #include "train/data/synthetic_faces.h"
 
@@ -61,7 +62,7 @@ TEST_CASE("a still frame is the exact view, a moving one is as near as promised"
         model, codes, 0,
         turned_camera(model.config().camera, head_middle, radians_from_degrees(20.0), 0.0, 0.0),
         {.samples_per_ray = 4, .mask = true});
-    const Tensor exact = view::with_soft_edge(view.image, view.mask);
+    const Tensor exact = with_soft_edge(view.image, view.mask);
     CHECK(peak_signal_to_noise_ratio(image, exact) > 33.0);  // what JPEG leaves
     CHECK(frame_info(still)["mode"] == "exact");
     double psnr = frame_info(still)["psnr"];

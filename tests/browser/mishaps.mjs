@@ -140,7 +140,7 @@ test("the view behind the window stays as it was", async (page) => {
   await page.focus("#frame");
   await page.keyboard.press("ArrowLeft");
   await page.click("#mouse");
-  assert.deepEqual((await state(page)).camera, { yaw: 0, pitch: 0, roll: 0, distance: 1 });
+  assert.deepEqual((await state(page)).camera, { yaw: 0, pitch: 0, roll: 0, distance: 1.15 });
   await settled(page);
   assert.ok(difference(before, await pixels(page)) < 1);
 });

@@ -1,12 +1,15 @@
 // What is shown: the face, the sliders, the camera. It is in the address of the page, so that a
 // reload or a shared link shows the same.
 
+// From here the image cuts no hair (whole_head_distance in nn/realtime/view.h).
+const front = { yaw: 0, pitch: 0, roll: 0, distance: 1.15 };
+
 export const state = {
   model: "",          // mark of the model, to which the codes belong
   face: "",           // id of the face
   codes: "",          // its codes as digits
   sliders: {},        // group -> amounts
-  camera: { yaw: 0, pitch: 0, roll: 0, distance: 1 },
+  camera: { ...front },
   layer: "image",
   eye: null,          // {eye: [x, y, z], screen} in metres while the window follows someone
   expression: [],     // what is added to that of the face while someone's own face moves it
@@ -42,7 +45,7 @@ export function turn(yaw, pitch, distance = 1) {
 }
 
 export function resetView() {
-  change({ camera: { yaw: 0, pitch: 0, roll: 0, distance: 1 } });
+  change({ camera: { ...front } });
 }
 
 export function clamp(value, low, high) {
@@ -96,7 +99,7 @@ export function remembered() {
       yaw: clamp(number("y", 0), -90, 90),
       pitch: clamp(number("p", 0), -60, 60),
       roll: 0,
-      distance: clamp(number("d", 1), 0.6, 2.5),
+      distance: clamp(number("d", front.distance), 0.6, 2.5),
     },
   };
 }

@@ -1,20 +1,19 @@
-// The soft edge of the heads that the viewer shows.
 #include <catch2/catch.hpp>
 #include <cmath>
 
-#include "apps/view/frame.h"
+#include "render/soft_edge.h"
 
 using namespace stymo;
 
 TEST_CASE("a hard edge of the mask becomes as soft as its smoothed step, and stays in place",
-          "[view]") {
+          "[soft_edge]") {
     constexpr int side = 256, edge = 100;
     Tensor mask({side, side, 1});
     const auto values = mask.mutable_values<float>();
     for (int i = 0; i < side * side; ++i)
         values[static_cast<std::size_t>(i)] = i % side >= edge ? 1.0F : 0.0F;
     const Tensor image = Tensor::full({side, side, 3}, 0.8);
-    const Tensor soft = view::with_soft_edge(image, mask);
+    const Tensor soft = with_soft_edge(image, mask);
     const auto shown = soft.values<float>();
     for (int x = 0; x < side; ++x) {
         INFO(x);
@@ -26,9 +25,9 @@ TEST_CASE("a hard edge of the mask becomes as soft as its smoothed step, and sta
     }
 }
 
-TEST_CASE("an image without a head, or of a model without masks, stays as it is", "[view]") {
+TEST_CASE("an image without a head, or of a model without masks, stays as it is", "[soft_edge]") {
     const Tensor image = Tensor::full({16, 16, 3}, 0.8);
     for (const double mask : {0.0, 0.5, 0.89, 1.0})
-        CHECK(view::with_soft_edge(image, Tensor::full({16, 16, 1}, mask)).to_vector() ==
+        CHECK(with_soft_edge(image, Tensor::full({16, 16, 1}, mask)).to_vector() ==
               image.to_vector());
 }
