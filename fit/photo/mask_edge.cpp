@@ -13,24 +13,32 @@ namespace {
 
 constexpr double radius_of_side = 0.03;  ///< of the squares in which colours are averaged
 
-/// The mean colour of the selected pixels in a square around each pixel; `share` is how much of
-/// that square they fill.
+/// Of the selected pixels in a square around each pixel: their mean colour, the standard deviation
+/// from it, and how much of that square they fill.
 struct LocalColor {
     cv::Mat mean;
+    cv::Mat deviation;
     cv::Mat share;
 };
 
 LocalColor local_color(const cv::Mat& image, const cv::Mat& selected, int window) {
     const cv::Size square(window, window);
-    LocalColor result{cv::Mat::zeros(image.size(), CV_32FC3), {}};
+    LocalColor result{cv::Mat::zeros(image.size(), CV_32FC3), cv::Mat(image.size(), CV_32F), {}};
     image.copyTo(result.mean, selected);
+    cv::Mat squares = result.mean.mul(result.mean);
     cv::blur(result.mean, result.mean, square);
+    cv::blur(squares, squares, square);
     selected.convertTo(result.share, CV_32F, 1.0 / 255.0);
     cv::blur(result.share, result.share, square);
     for (int row = 0; row < image.rows; ++row)
-        for (int column = 0; column < image.cols; ++column)
-            result.mean.at<cv::Vec3f>(row, column) /=
-                std::max(result.share.at<float>(row, column), 1e-6F);
+        for (int column = 0; column < image.cols; ++column) {
+            const float share = std::max(result.share.at<float>(row, column), 1e-6F);
+            cv::Vec3f& mean = result.mean.at<cv::Vec3f>(row, column);
+            mean /= share;
+            const cv::Vec3f square_sum = squares.at<cv::Vec3f>(row, column) / share;
+            result.deviation.at<float>(row, column) = std::sqrt(
+                std::max(square_sum[0] + square_sum[1] + square_sum[2] - mean.dot(mean), 0.0F));
+        }
     return result;
 }
 
@@ -40,7 +48,8 @@ struct HeadShare {
     float trust;
 };
 
-HeadShare head_share(const cv::Vec3f& color, const cv::Vec3f& head, const cv::Vec3f& around) {
+HeadShare head_share(const cv::Vec3f& color, const cv::Vec3f& head, const cv::Vec3f& around,
+                     float deviation) {
     constexpr float no_contrast = 0.12F, full_contrast = 0.3F, rest_of_contrast = 0.6F;
     const cv::Vec3f difference = head - around;
     const float squared = difference.dot(difference), contrast = std::sqrt(squared);
@@ -49,7 +58,9 @@ HeadShare head_share(const cv::Vec3f& color, const cv::Vec3f& head, const cv::Ve
     const auto rest = static_cast<float>(cv::norm(color - around - difference * value));
     const float differs = std::min((contrast - no_contrast) / (full_contrast - no_contrast), 1.0F);
     const float explained = std::max(1.0F - rest / (rest_of_contrast * contrast), 0.0F);
-    return {value, differs * explained};
+    // A mean of several colours, as of a neck and a collar, is none of them.
+    const float uniform = std::clamp(1.5F - deviation / (0.4F * contrast), 0.0F, 1.0F);
+    return {value, differs * explained * uniform};
 }
 
 /// Values in the band are at most the highest one beside them nearer to the head. What grows again
@@ -79,6 +90,26 @@ void never_grow_outwards(cv::Mat& values, const cv::Mat& head, const cv::Mat& ar
     }
 }
 
+/// The values with an edge of `width` pixels around 0.5, unless theirs is narrower.
+cv::Mat crisp_edge(const cv::Mat& values, double width) {
+    cv::Mat across, down, slopes;
+    cv::Scharr(values, across, CV_32F, 1, 0, 1.0 / 32.0);
+    cv::Scharr(values, down, CV_32F, 0, 1, 1.0 / 32.0);
+    cv::magnitude(across, down, slopes);
+    // At the ends of an edge the slope is that of its middle.
+    const int reach = 2 * static_cast<int>(std::ceil(width)) + 1;
+    cv::dilate(slopes, slopes, cv::Mat::ones(reach, reach, CV_8U));
+    cv::Mat result(values.size(), CV_32F);
+    for (int row = 0; row < values.rows; ++row)
+        for (int column = 0; column < values.cols; ++column) {
+            const float slope = static_cast<float>(width) * slopes.at<float>(row, column);
+            const float gain = std::clamp(1.0F / std::max(slope, 1e-6F), 1.0F, 8.0F);
+            result.at<float>(row, column) =
+                std::clamp(0.5F + gain * (values.at<float>(row, column) - 0.5F), 0.0F, 1.0F);
+        }
+    return result;
+}
+
 }  // namespace
 
 Tensor edge_by_color(const Tensor& mask, const Tensor& image) {
@@ -97,6 +128,8 @@ Tensor edge_by_color(const Tensor& mask, const Tensor& image) {
     const cv::Mat inside = values > 0.5;
     const cv::Mat head = farther_than(band, inside), around = farther_than(band, inside == 0);
 
+    const cv::Mat crisp = crisp_edge(values, std::max(2.5, side / 100.0));
+
     // From each rim of the band the square reaches across it.
     const int radius = std::max(static_cast<int>(side * radius_of_side),
                                 2 * static_cast<int>(std::ceil(band)) + 1);
@@ -113,9 +146,12 @@ Tensor edge_by_color(const Tensor& mask, const Tensor& image) {
                 continue;
             const HeadShare share = head_share(pixels.at<cv::Vec3f>(row, column),
                                                of_head.mean.at<cv::Vec3f>(row, column),
-                                               of_around.mean.at<cv::Vec3f>(row, column));
+                                               of_around.mean.at<cv::Vec3f>(row, column),
+                                               of_around.deviation.at<float>(row, column));
             float& value = values.at<float>(row, column);
-            const float wanted = value > 0.5F ? share.value : std::min(share.value, value);
+            const float found = value;
+            value = crisp.at<float>(row, column);
+            const float wanted = found > 0.5F ? share.value : std::min(share.value, found);
             value += share.trust * (wanted - value);
         }
     never_grow_outwards(values, head, around);

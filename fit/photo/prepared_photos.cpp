@@ -101,6 +101,8 @@ PhotoPreparationSettings settings_for(const ModelConfig& model, PhotoPreparation
     settings.least_side = std::min(least_fitted_side, model.decoder.resolution / 4);
     settings.intrinsics = model.camera.intrinsics;
     settings.pivot = {model.camera.distance, model.camera.pivot_depth};
+    // Photos for training are cut out so, too. Pose networks want FFHQ's square.
+    settings.whole_head = settings.pose_network.empty();
     return settings;
 }
 

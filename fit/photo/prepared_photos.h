@@ -24,7 +24,7 @@ struct PreparedPhoto {
 /// The central square of an image, resized to side x side pixels.
 [[nodiscard]] Tensor at_model_side(const Tensor& image, std::int64_t side);
 
-/// These settings with the sides and the camera that photos for this model have.
+/// These settings with the sides, the camera and the crop that photos for this model have.
 [[nodiscard]] PhotoPreparationSettings settings_for(const ModelConfig& model,
                                                     PhotoPreparationSettings settings);
 /// The smallest side of the decoder's images that loses no pixel of any of the photos, the largest
