@@ -1,5 +1,6 @@
 #pragma once
 
+#include <locale>
 #include <sstream>
 #include <stdexcept>
 #include <string>
@@ -60,6 +61,7 @@ public:
 template <class ErrorType = Error, class... Parts>
 [[noreturn]] void fail(const Parts&... parts) {
     std::ostringstream message;
+    message.imbue(std::locale::classic());
     (message << ... << parts);
     throw ErrorType(message.str());
 }

@@ -139,6 +139,11 @@ void FitJob::tune(FittedFaces& done, const FitObserver& observer) const {
                                 "), so the decoder stays as it was; lower --tune-learning-rate");
         tuned.emplace(model_.copy(ModelParts::decoder));
     }
+    constexpr std::int64_t few = 30;
+    const std::int64_t steps = std::ssize(done.tuning.losses);
+    if (options.steps == 0 && steps < few)
+        done.warnings.push_back("tuning made only " + std::to_string(steps) +
+                                " steps in its time; give it more, or --tune-steps 100");
     done.changes = WeightChanges::between(model_, *tuned);
     done.tuned.emplace(done.changes->applied_to(model_));
     done.incomplete.clear();

@@ -112,6 +112,8 @@ StudioFace Studio::fit(const Tensor& photo, const FitJobOptions& options,
                        const FitObserver& observer) const {
     if (photo.rank() != 3 || photo.shape(2) != 3)
         fail<ShapeError>("the photo must have the shape (height, width, 3), not ", photo.shape());
+    if (!std::ranges::all_of(photo.values<float>(), [](float x) { return x >= 0.0F && x <= 1.0F; }))
+        fail<ValueError>("the values of the photo must be from 0 to 1");
     require_finite(options.tuning.seconds);
     const SubnormalsFlushed flushed;
     const ModelConfig& config = state_->model.config();
@@ -141,6 +143,11 @@ StudioFace Studio::tune(const StudioFace& face, double seconds, std::int64_t ste
     options.tuning.steps = steps;
     StudioFace result = state_->run(*face.photo, std::move(options), observer);
     result.head = face.head;
+    if (face.tuned && face.psnr && result.psnr && *result.psnr < *face.psnr) {
+        result = face;
+        result.warnings.emplace_back(
+            "tuning begins anew and ended below the earlier one, which stays; give it more time");
+    }
     return result;
 }
 

@@ -54,14 +54,16 @@ public:
     [[nodiscard]] FitJobOptions fit_options() const;
 
     /// Finds the clearest face of a photo, (height, width, 3) in [0, 1], and fits the codes to it;
-    /// also tunes, if the options say so. Throws FileError if there is no face that can be used,
-    /// and what FitJob throws. After an interrupt the face has what was reached, and a warning.
+    /// also tunes, if the options say so. Throws ValueError for values outside [0, 1],
+    /// FileError if there is no face that can be used, and what FitJob throws. After an interrupt
+    /// the face has what was reached, and a warning.
     [[nodiscard]] StudioFace fit(const Tensor& photo, const FitJobOptions& options,
                                  const FitObserver& observer = {}) const;
     [[nodiscard]] StudioFace fit(const Tensor& photo) const { return fit(photo, fit_options()); }
-    /// Tunes the decoder to a face that `fit` returned, until `seconds` or `steps` are over,
-    /// whichever comes first; 0: no such limit. Throws ValueError for another face, and without a
-    /// limit.
+    /// Tunes the model's decoder to a face that `fit` returned, until `seconds` or `steps` are
+    /// over, whichever comes first; 0: no such limit. A face that is tuned already is returned with
+    /// a warning if the new tuning, which begins anew, ends with a lower PSNR. Throws ValueError
+    /// for another face, and without a limit.
     [[nodiscard]] StudioFace tune(const StudioFace& face, double seconds, std::int64_t steps = 0,
                                   const FitObserver& observer = {}) const;
 

@@ -156,7 +156,7 @@ void declare_mix(CommandLine& line) {
         "codes.json of the face that keeps the other groups and its pose; may be repeated");
     command.option("--take", options->take,
                    "groups to take from the source: id, expr, tex, light, joined by commas; a "
-                   "sheet has one block per group (default: expr,tex,light)");
+                   "sheet has one block per group, by default of expr, tex and light");
     command
         .option("--sample", options->sampled,
                 "number of further sources, sampled from the distribution of the training codes "

@@ -192,8 +192,8 @@ std::string gif_bytes(const std::vector<Tensor>& frames, double frames_per_secon
                      palette.entries());
     // GIF counts delays in hundredths of a second, and most viewers slow down delays below two of
     // them.
-    const double delay = std::min(100.0 / frames_per_second, 60000.0);
-    const int hundredths = std::max(2, static_cast<int>(std::lround(delay)));
+    const double delay = std::clamp(100.0 / frames_per_second, 2.0, 60000.0);
+    double owed = 0.0;  // what rounding has left out
     std::vector<GifByteType> shown;
     for (const RgbBytes& frame : pixels) {
         std::vector<GifByteType> indices(frame.size() / 3);
@@ -205,6 +205,8 @@ std::string gif_bytes(const std::vector<Tensor>& frames, double frames_per_secon
                                    [](GifByteType now, GifByteType before) {
                                        return now == before ? GifByteType{transparent} : now;
                                    });
+        const auto hundredths = static_cast<int>(std::lround(delay + owed));
+        owed += delay - hundredths;
         writer.add(std::move(indices), hundredths);
     }
     return writer.finish();

@@ -3,6 +3,8 @@
 #include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
 
+#include <algorithm>
+
 #include "core/error.h"
 
 namespace stymo {
@@ -24,6 +26,13 @@ OIIO::ImageSpec spec_of(const ImageEncoding& encoding) {
 }  // namespace
 
 std::string encoded_image(const ImageEncoding& encoding, const void* pixels) {
+    // libjpeg ends the process at larger sides.
+    constexpr std::int64_t largest_jpeg = 65500;
+    if (std::max(encoding.height, encoding.width) > largest_jpeg &&
+        (encoding.name.ends_with("jpg") || encoding.name.ends_with("jpeg")))
+        fail<FileError>(encoding.name, ": ", encoding.width, " x ", encoding.height,
+                        " pixels are more than a JPEG file holds, ", largest_jpeg,
+                        " along a side; write a .png file");
     OIIO::Filesystem::IOVecOutput memory;
     const auto output = OIIO::ImageOutput::create(encoding.name, &memory);
     const OIIO::ImageSpec spec = spec_of(encoding);

@@ -1,6 +1,8 @@
 #include "nn/models/code_file.h"
 
+#include <algorithm>
 #include <cmath>
+#include <locale>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
@@ -18,6 +20,9 @@ namespace {
 
 using Json = nlohmann::json;
 
+// The networks multiply codes in float32.
+constexpr double largest_number = 1e30;
+
 const Json& member(const Json& object, const char* key, const std::string& source) {
     if (!object.is_object() || !object.contains(key))
         fail<FileError>(source, ": not a code file (\"", key, "\" is missing)");
@@ -27,9 +32,7 @@ const Json& member(const Json& object, const char* key, const std::string& sourc
 double number(const Json& value, const char* key, const std::string& source) {
     if (!value.is_number()) fail<FileError>(source, ": \"", key, "\" is not a number");
     const auto result = value.get<double>();
-    // The networks multiply codes in float32.
-    constexpr double largest = 1e30;
-    if (!(std::abs(result) <= largest))
+    if (!(std::abs(result) <= largest_number))
         fail<FileError>(source, ": \"", key, "\" holds ", result, ", which is too large");
     return result;
 }
@@ -46,6 +49,8 @@ std::vector<double> numbers(const Json& value, std::size_t count, const char* ke
 JsonValue row(const Tensor& values, std::int64_t index) {
     const auto size = static_cast<std::size_t>(values.shape(1));
     const std::vector<double> all = values.to_vector();
+    if (!std::ranges::all_of(all, [](double x) { return std::abs(x) <= largest_number; }))
+        fail<NumericError>("codes that no file can hold: they are not finite, or too large");
     return {std::vector<double>(all.begin() + static_cast<std::ptrdiff_t>(size) * index,
                                 all.begin() + static_cast<std::ptrdiff_t>(size) * (index + 1))};
 }
@@ -99,6 +104,7 @@ std::string model_mark(const std::filesystem::path& model) {
     if (const auto mark = file.metadata.find(mark_key); mark != file.metadata.end())
         return mark->second;
     std::ostringstream text;
+    text.imbue(std::locale::classic());
     text << std::hex << crc32c(read_file(model));
     return text.str();
 }

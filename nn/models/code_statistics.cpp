@@ -78,8 +78,10 @@ void CodeStatistics::save(TensorFile& file) const {
 }
 
 Codes CodeStatistics::sample(Rng& rng, double truncation) const {
-    if (!std::isfinite(truncation) || truncation < 0.0)
-        fail<ValueError>("the truncation of a new face must be 0 or more, not ", truncation);
+    constexpr double most = 10.0;
+    if (!(truncation >= 0.0 && truncation <= most))
+        fail<ValueError>("the truncation of a new face must be from 0 to ", most, ", not ",
+                         truncation);
     const Variable normal = rng.normal({1, code_size}, 0.0, truncation);
     return split_codes(mean_ + matmul(normal, factor_, {.transpose_b = true}));
 }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <iterator>
+#include <locale>
 #include <span>
 #include <sstream>
 #include <vector>
@@ -38,10 +39,13 @@ std::vector<Parameter> decoder_parameters(const Model& model) {
 }  // namespace
 
 std::string decoder_fingerprint(const Model& model) {
+    // Files must not depend on the locale of the program.
     std::ostringstream sums;
+    sums.imbue(std::locale::classic());
     for (const Parameter& parameter : decoder_parameters(model))
         sums << parameter.name() << ' ' << crc32c(bytes_of(parameter.variable().value())) << '\n';
     std::ostringstream fingerprint;
+    fingerprint.imbue(std::locale::classic());
     fingerprint << std::hex << crc32c(sums.str());
     return fingerprint.str();
 }

@@ -91,7 +91,7 @@ TEST_CASE("The C interface answers misuse with one line, on the thread that made
     failed(stymo_set_threads(-1),
            "[threads] -1 threads; give 0 for one per processor or a number from 1 to 1024");
     failed(stymo_sample(model.get(), 1, -0.5),
-           "the truncation of a new face must be 0 or more, not -0.5");
+           "the truncation of a new face must be from 0 to 10, not -0.5");
     const double nan = std::numeric_limits<double>::quiet_NaN();
     failed(
         stymo_render(model.get(), face.get(), std::vector{nan, 0.0, 0.0}.data(), 64, pixels.data()),

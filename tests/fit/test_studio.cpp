@@ -90,6 +90,13 @@ TEST_CASE("A studio says in one line what it cannot do", "[studio]") {
     CHECK(fails_with([&] {
               return studio.fit(Tensor::zeros({8, 8}));
           }) == "the photo must have the shape (height, width, 3), not (8, 8)");
+    for (const double value : {255.0, std::numeric_limits<double>::quiet_NaN()})
+        CHECK(fails_with([&] {
+                  return studio.fit(Tensor::full({8, 8, 3}, value));
+              }) == "the values of the photo must be from 0 to 1");
+    CHECK(fails_with([&] {
+              return studio.sample(1, 0, 1e300);
+          }).starts_with("the truncation of a new face must be from 0 to 10"));
     CHECK(fails_with([&] { return studio.tune(studio.sample(1), 1.0); }) ==
           "only a face that was fitted to a photo here can be tuned to it");
     StudioFace photographed = studio.sample(1);

@@ -312,6 +312,8 @@ TEST_CASE("images that cannot be written are refused and leave nothing") {
     CHECK_THROWS_AS(write_animation(folder / "a.gif", {image, random_image(4, 5, 3)}, 10.0),
                     ShapeError);
     CHECK_THROWS_AS(write_animation(folder / "a.webm", {image}, 10.0), FileError);
+    CHECK_THROWS_WITH(write_image(folder / "a.jpg", Tensor::zeros({1, 65501, 3})),
+                      Contains("more than a JPEG file holds"));
     CHECK(folder.file_count() == 0);
 }
 
@@ -364,6 +366,16 @@ TEST_CASE("animations repeat without end and hold every frame") {
     CHECK(frame_count == 5);
     CHECK(read_image(folder / "a.gif").shape() == Shape{31, 33, 3});
 
+    // At 30 frames a second delays of 3 and 4 hundredths take turns, so 5 frames last 17.
+    write_animation(folder / "b.gif", frames, 30.0);
+    const std::string fast = read_file(folder / "b.gif");
+    int hundredths = 0;
+    const std::string control("\x21\xf9\x04\x05", 4);
+    for (std::size_t at = fast.find(control); at != std::string::npos;
+         at = fast.find(control, at + 1))
+        hundredths += fast[at + 4];
+    CHECK(hundredths == 17);
+
     write_animation(folder / "a.mp4", frames, 12.5);
     CHECK(read_file(folder / "a.mp4").substr(4, 4) == "ftyp");
     write_animation(folder / "a.webp", frames, 12.5);
@@ -371,7 +383,7 @@ TEST_CASE("animations repeat without end and hold every frame") {
     CHECK(webp.starts_with("RIFF"));
     CHECK(webp.find(std::string("ANIM\x06\0\0\0\xff\xff\xff\xff\0\0", 14)) !=
           std::string::npos);  // a white background, endlessly
-    CHECK(folder.file_count() == 3);
+    CHECK(folder.file_count() == 4);
 }
 
 TEST_CASE("an animation has the colours of its frames, and few small ones too") {

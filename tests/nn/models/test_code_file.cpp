@@ -1,5 +1,6 @@
 #include <catch2/catch.hpp>
 #include <functional>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <numbers>
 
@@ -62,6 +63,19 @@ TEST_CASE("codes read back bit for bit and the pose to the last digits", "[code_
         CHECK(pose.roll == Approx(some_pose.roll).epsilon(1e-14));
         CHECK(pose.translation == some_pose.translation);
     }
+}
+
+TEST_CASE("codes that no reader takes are not written, and the file before stays", "[code_file]") {
+    const ScratchFolder folder;
+    const std::filesystem::path file = folder / "codes.json";
+    write_code_file(file, random_codes(1, 1), 0, Pose{});
+    const std::string before = read_file(file);
+    for (const double wrong : {std::numeric_limits<double>::quiet_NaN(), 1e31}) {
+        Codes codes = random_codes(1, 1);
+        codes.groups[2] = codes.groups[2] * wrong;
+        CHECK_THROWS_AS(write_code_file(file, codes, 0, Pose{}), NumericError);
+    }
+    CHECK(read_file(file) == before);
 }
 
 TEST_CASE("a pose is read from any object that has one", "[code_file]") {

@@ -1,5 +1,7 @@
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <locale>
+#include <memory>
 
 #include "core/error.h"
 #include "core/io/file.h"
@@ -76,6 +78,21 @@ TEST_CASE("a file that holds no changes of weights is refused by its name", "[we
         [&] { static_cast<void>(WeightChanges::load(folder / "model.safetensors")); });
     CHECK(is_one_line(message));
     CHECK_THAT(message, Catch::Contains("model.safetensors: not the weight changes"));
+}
+
+TEST_CASE("the fingerprint of a decoder does not depend on the program's locale",
+          "[weight_changes]") {
+    struct Grouping : std::numpunct<char> {
+        char do_thousands_sep() const override { return '.'; }
+        std::string do_grouping() const override { return "\3"; }
+    };
+    const Model model = tiny_model();
+    const std::string before = decoder_fingerprint(model);
+    const std::locale former =
+        std::locale::global(std::locale(std::locale(), std::make_unique<Grouping>().release()));
+    const std::string after = decoder_fingerprint(model);
+    std::locale::global(former);
+    CHECK(after == before);
 }
 
 TEST_CASE("the fingerprint of a decoder changes with its weights, not with the encoder's",
