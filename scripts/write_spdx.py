@@ -1,13 +1,10 @@
 #!/usr/bin/env python3
-"""Writes docs/stymo.spdx.json from the table in docs/dependencies.md and the installed versions.
-
-Usage: write_spdx.py [FILE]
-"""
+"""Writes docs/stymo.spdx.json from the table in docs/dependencies.md and the installed versions."""
+import argparse
 import json
 import pathlib
 import re
 import subprocess
-import sys
 
 root = pathlib.Path(__file__).resolve().parent.parent
 row = re.compile(r"^\| `(?P<name>[^`]+)` \| (?P<licence>[^|]+?) \| (?P<needed>[^|]+?) \|")
@@ -46,6 +43,9 @@ def relation(needed: str, name: str) -> dict:
 
 
 def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("file", nargs="?", type=pathlib.Path, default=root / "docs/stymo.spdx.json")
+    o = parser.parse_args()
     project = (root / "CMakeLists.txt").read_text()
     version = re.search(r"project\(stymo VERSION ([0-9.]+)", project).group(1)
     table = (root / "docs/dependencies.md").read_text().splitlines()
@@ -63,8 +63,7 @@ def main() -> None:
                     [package(r["name"], version_of(r["name"]), r["licence"]) for r in rows],
         "relationships": [relation(r["needed"], r["name"]) for r in rows],
     }
-    target = pathlib.Path(sys.argv[1]) if len(sys.argv) > 1 else root / "docs/stymo.spdx.json"
-    target.write_text(json.dumps(document, indent=1) + "\n")
+    o.file.write_text(json.dumps(document, indent=1) + "\n")
 
 
 main()

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <exception>
+#include <limits>
 #include <new>
 #include <string>
 
@@ -13,7 +14,13 @@ struct stymo_model {
     stymo::Studio studio;
 };
 struct stymo_face {
+    explicit stymo_face(stymo::StudioFace made) : face(std::move(made)) {
+        for (const std::string& warning : face.warnings)
+            warnings += (warnings.empty() ? "" : "\n") + warning;
+    }
+
     stymo::StudioFace face;
+    std::string warnings;
 };
 
 namespace {
@@ -59,7 +66,7 @@ stymo::Tensor photo_of(const std::uint8_t* rgb, int height, int width) {
 }
 
 stymo_face* owned(stymo::StudioFace face) {
-    return new stymo_face{std::move(face)};
+    return new stymo_face(std::move(face));
 }
 
 }  // namespace
@@ -107,7 +114,7 @@ int stymo_tune(const stymo_model* model, stymo_face* face, double seconds) {
     return guarded(-1, [&] {
         stymo::StudioFace tuned =
             given(model, "model").studio.tune(given(face, "face").face, seconds);
-        face->face = std::move(tuned);
+        *face = stymo_face(std::move(tuned));
         return 0;
     });
 }
@@ -136,6 +143,15 @@ int stymo_face_write(const stymo_face* face, const char* codes, const char* tune
         stymo::write(given(face, "face").face, &given(codes, "codes"), path_or_empty(tuned));
         return 0;
     });
+}
+
+const char* stymo_face_warnings(const stymo_face* face) {
+    return guarded<const char*>(nullptr, [&] { return given(face, "face").warnings.c_str(); });
+}
+
+double stymo_face_psnr(const stymo_face* face) {
+    constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
+    return guarded(unknown, [&] { return given(face, "face").face.psnr.value_or(unknown); });
 }
 
 int stymo_face_codes(const stymo_face* face, float codes[STYMO_CODE_SIZE]) {

@@ -52,6 +52,11 @@ STYMO_API stymo_face* stymo_mix(const stymo_face* target, const stymo_face* sour
 STYMO_API stymo_face* stymo_face_read(const stymo_model* model, const char* codes,
                                       const char* tuned);
 STYMO_API int stymo_face_write(const stymo_face* face, const char* codes, const char* tuned);
+/* What the last fit or tuning of this face warns of, in lines; "" for nothing, NULL if `face` is
+ * NULL. Valid until the face changes or is freed. */
+STYMO_API const char* stymo_face_warnings(const stymo_face* face);
+/* PSNR of the face and its photo in decibels; NaN unless stymo_fit made it. */
+STYMO_API double stymo_face_psnr(const stymo_face* face);
 STYMO_API int stymo_face_codes(const stymo_face* face, float codes[STYMO_CODE_SIZE]);
 STYMO_API void stymo_face_free(stymo_face* face); /* NULL: does nothing */
 

@@ -12,9 +12,10 @@
 namespace stymo {
 namespace {
 
-/// The whole head, as it turns around its middle.
+/// The face stays in the middle of the image, from where the whole head is seen.
 Camera film_camera(const Model& model, double yaw, double pitch, double roll) {
-    return turned_camera(model.config().camera, head_middle, yaw, pitch, roll, whole_head_distance);
+    const CameraConfig& camera = model.config().camera;
+    return turned_camera(camera, camera.pivot_depth, yaw, pitch, roll, whole_head_distance);
 }
 
 /// A renderer for the face from the sides that a film may show.
@@ -60,7 +61,8 @@ DrivenFace::DrivenFace(DrivenFaceOptions options, const Model& model, CodeFile f
       chosen_(film_renderer(options_, model, face_.codes)) {
     if (options_.identity.empty()) return;
     identity_.emplace(options_.identity);
-    embedding_ = embedding_of(rendered(face_.codes, 0.0, 0.0, 0.0));
+    chosen_.renderer.show(face_.codes);
+    embedding_ = embedding_from(0.0, 0.0, 0.0);
 }
 
 Tensor DrivenFace::frame(const FilmFrame& seen) {
@@ -84,7 +86,9 @@ Tensor DrivenFace::rendered(const Codes& codes, double yaw, double pitch, double
     return with_soft_edge(view.image, view.mask);
 }
 
-std::vector<double> DrivenFace::embedding_of(const Tensor& image) const {
+std::vector<double> DrivenFace::embedding_from(double yaw, double pitch, double roll) {
+    // The network knows faces in FFHQ's crop.
+    const Tensor image = chosen_.renderer.render(model_camera(model_, yaw, pitch, roll)).image;
     const Variable row(image.reshaped({1, image.shape(0), image.shape(1), 3}));
     return identity_->embeddings(row * 2.0 - 1.0).value().to_vector();
 }
@@ -100,7 +104,7 @@ void DrivenFace::measure(const FilmFrame& seen) {
         measures_.driven.add(faces.empty() ? std::optional<Landmarks>() : faces.front().landmarks);
     }
     if (!identity_) return;
-    const std::vector<double> other = embedding_of(last_);
+    const std::vector<double> other = embedding_from(seen.pose.yaw, seen.pose.pitch, seen.roll);
     const double cosine =
         std::inner_product(embedding_.begin(), embedding_.end(), other.begin(), 0.0);
     measures_.least_cosine = std::min(measures_.least_cosine, cosine);

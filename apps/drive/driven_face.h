@@ -50,7 +50,8 @@ public:
 
 private:
     [[nodiscard]] Tensor rendered(const Codes& codes, double yaw, double pitch, double roll);
-    [[nodiscard]] std::vector<double> embedding_of(const Tensor& image) const;
+    /// Of the face that was shown last.
+    [[nodiscard]] std::vector<double> embedding_from(double yaw, double pitch, double roll);
     void measure(const FilmFrame& seen);
 
     DrivenFaceOptions options_;

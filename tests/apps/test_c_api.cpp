@@ -1,5 +1,6 @@
 #include <array>
 #include <catch2/catch.hpp>
+#include <cmath>
 #include <limits>
 #include <memory>
 #include <string>
@@ -83,6 +84,10 @@ TEST_CASE("The C interface answers misuse with one line, on the thread that made
     failed(stymo_mix(face.get(), face.get(), "ear"),
            "\"ear\" is no group of codes; there are id, expr, tex and light");
     failed(stymo_face_codes(face.get(), nullptr), "codes is NULL");
+    failed(stymo_face_warnings(nullptr), "face is NULL");
+    CHECK(std::string(stymo_face_warnings(face.get())).empty());
+    CHECK(std::isnan(stymo_face_psnr(nullptr)));
+    CHECK(std::isnan(stymo_face_psnr(face.get())));
     failed(stymo_render(model.get(), face.get(), nullptr, 64, nullptr), "rgb is NULL");
     failed(stymo_render(model.get(), face.get(), nullptr, 0, pixels.data()),
            "a side of 0 pixels is empty");
