@@ -8,6 +8,7 @@
 #include "core/ops/ops.h"
 #include "nn/engine/compositing.h"
 #include "nn/engine/packed_field.h"
+#include "nn/realtime/view.h"
 
 namespace stymo {
 
@@ -35,13 +36,14 @@ constexpr std::int64_t points_at_once = 1 << 16;
 constexpr std::int64_t coarse_resolution = 40;
 constexpr double coarse_margin = 1.5;
 
-/// The box that is searched: as wide as the frontal camera's view at the head's origin, from the
-/// near plane to the depth of a head. No photo shows points behind it.
+/// The box that is searched: as wide as a view of the whole head at its origin, from the near plane
+/// to the depth of a head. No photo shows points behind it.
 Box searched_box(const ModelConfig& model) {
     const double half = 0.5 * model.camera.distance / model.camera.intrinsics.focal;
+    const double side = whole_head_distance * half;
     const RaySampling& rays = model.decoder.rays;
-    return {{-half, -half, std::max(rays.far_z, std::min(-half, rays.near_z - 2.0 * half))},
-            {half, half, rays.near_z}};
+    return {{-side, -side, std::max(rays.far_z, std::min(-half, rays.near_z - 2.0 * half))},
+            {side, side, rays.near_z}};
 }
 
 /// The bounding box of the mesh enlarged by `margin`, but within `limit`.

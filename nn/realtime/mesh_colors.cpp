@@ -6,7 +6,9 @@
 
 #include "core/parallel.h"
 #include "nn/realtime/view_range.h"
+#include "render/continued_colors.h"
 #include "render/rasterizer.h"
+#include "render/soft_edge.h"
 
 namespace stymo {
 
@@ -21,7 +23,7 @@ constexpr double depth_tolerance = 0.05;
 struct ColoredView {
     Camera camera;
     Tensor image;  ///< (S, S, 3)
-    Tensor mask;   ///< (S, S, 1)
+    Tensor mask;   ///< (S, S, 1), the opacity of the head
     Tensor depth;  ///< (S, S, 1), of the mesh
 };
 
@@ -67,16 +69,15 @@ void add_view(const ColoredView& view, const TriangleMesh& mesh, const Tensor& n
         });
 }
 
-/// Weighted means of the colours. Vertices without weight have the mean colour of all.
+/// Weighted means of the colours, (V, 4), with the weights up to 1.
 Tensor means(std::span<const double> sums) {
-    std::array<double, 4> total{};
-    for (std::size_t i = 0; i < sums.size(); ++i) total[i % 4] += sums[i];
-    Tensor result({static_cast<std::int64_t>(sums.size() / 4), 3});
+    Tensor result({static_cast<std::int64_t>(sums.size() / 4), 4});
     const std::span<float> colors = result.mutable_values<float>();
-    for (std::size_t i = 0; i < sums.size() / 4; ++i) {
-        const double* sum = sums[4 * i + 3] > 0.0 ? sums.data() + 4 * i : total.data();
+    for (std::size_t i = 0; i < sums.size(); i += 4) {
         for (std::size_t channel = 0; channel < 3; ++channel)
-            colors[3 * i + channel] = static_cast<float>(sum[channel] / std::max(sum[3], 1e-30));
+            colors[i + channel] =
+                static_cast<float>(sums[i + channel] / std::max(sums[i + 3], 1e-30));
+        colors[i + 3] = static_cast<float>(std::min(sums[i + 3], 1.0));
     }
     return result;
 }
@@ -98,9 +99,9 @@ Tensor mesh_colors(const Model& model, const Codes& codes, const TriangleMesh& m
         const RasterImage raster =
             rasterize(mesh.vertices, mesh.vertices, mesh.triangles, camera,
                       {.width = side, .height = side, .samples_per_side = 1});
-        add_view({camera, view.image, view.mask, raster.depth}, mesh, normals, sums);
+        add_view({camera, view.image, soft_opacity(view.mask), raster.depth}, mesh, normals, sums);
     }
-    return means(sums);
+    return continued_colors(means(sums), mesh.triangles);
 }
 
 }  // namespace stymo
