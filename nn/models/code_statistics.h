@@ -36,7 +36,7 @@ public:
     /// The codes of one new face: mean + truncation * L n, with n standard normal. A truncation of
     /// 1 draws from the distribution, 0 gives the mean. In between, faces are less varied and have
     /// fewer artefacts. Draws 306 normal numbers from `rng`. Throws ValueError for a truncation
-    /// that outside [0, 10].
+    /// outside [0, 10].
     [[nodiscard]] Codes sample(Rng& rng, double truncation) const;
 
     /// Face number `index` of those that are drawn with this seed.

@@ -84,6 +84,26 @@ DensityGrid::Location DensityGrid::locate(const float* point) const {
 void DensityGrid::evaluate_around(std::span<const float> points, const LogitFunction& logits_at) {
     wanted_.clear();
     points_.clear();
+    try {
+        want_around(points);
+        new_logits_.resize(wanted_.size());
+        logits_at(points_, new_logits_);
+        if (std::ranges::any_of(new_logits_, [](float logit) { return std::isnan(logit); }))
+            fail<NumericError>("the density of the face is not finite");
+    } catch (...) {
+        for (const std::int64_t vertex : wanted_)
+            logits_[static_cast<std::size_t>(vertex)] = unknown;
+        throw;
+    }
+    // Bounds keep logits apart from the special values `unknown` and `wanted`, and from infinity.
+    constexpr float least_logit = -60.0F, largest_logit = 1e6F;
+    for (std::size_t i = 0; i < wanted_.size(); ++i)
+        logits_[static_cast<std::size_t>(wanted_[i])] =
+            std::clamp(new_logits_[i], least_logit, largest_logit);
+    known_vertices_ += std::ssize(wanted_);
+}
+
+void DensityGrid::want_around(std::span<const float> points) {
     const auto want = [this](std::int64_t vertex) {
         float& logit = logits_[static_cast<std::size_t>(vertex)];
         if (logit != unknown) return;
@@ -99,22 +119,6 @@ void DensityGrid::evaluate_around(std::span<const float> points, const LogitFunc
         for (std::int64_t corner = 0; corner < 8; ++corner)
             want(first + ((corner / 4) * vertices_ + corner / 2 % 2) * vertices_ + corner % 2);
     }
-    new_logits_.resize(wanted_.size());
-    try {
-        logits_at(points_, new_logits_);
-        if (std::ranges::any_of(new_logits_, [](float logit) { return std::isnan(logit); }))
-            fail<NumericError>("the density of the face is not finite");
-    } catch (...) {
-        for (const std::int64_t vertex : wanted_)
-            logits_[static_cast<std::size_t>(vertex)] = unknown;
-        throw;
-    }
-    // Bounds keep logits apart from the special values `unknown` and `wanted`, and from infinity.
-    constexpr float least_logit = -60.0F, largest_logit = 1e6F;
-    for (std::size_t i = 0; i < wanted_.size(); ++i)
-        logits_[static_cast<std::size_t>(wanted_[i])] =
-            std::clamp(new_logits_[i], least_logit, largest_logit);
-    known_vertices_ += std::ssize(wanted_);
 }
 
 bool DensityGrid::bounds(std::span<const float> points, std::span<DensityBounds> result) const {

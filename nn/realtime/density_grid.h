@@ -37,6 +37,8 @@ public:
 private:
     struct Location;
     [[nodiscard]] Location locate(const float* point) const;
+    /// Marks the vertices around these points that are not known, and notes them and their places.
+    void want_around(std::span<const float> points);
 
     std::int64_t cells_ = 0;     ///< along each axis
     std::int64_t vertices_ = 0;  ///< along each axis

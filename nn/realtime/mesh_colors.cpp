@@ -22,9 +22,9 @@ constexpr double depth_tolerance = 0.05;
 /// A view of the face by one camera.
 struct ColoredView {
     Camera camera;
-    Tensor image;  ///< (S, S, 3)
-    Tensor mask;   ///< (S, S, 1), the opacity of the head
-    Tensor depth;  ///< (S, S, 1), of the mesh
+    Tensor image;    ///< (S, S, 3)
+    Tensor opacity;  ///< (S, S, 1), of the head
+    Tensor depth;    ///< (S, S, 1), of the mesh
 };
 
 Eigen::Vector3d vector_at(std::span<const float> values, std::int64_t index) {
@@ -32,7 +32,7 @@ Eigen::Vector3d vector_at(std::span<const float> values, std::int64_t index) {
 }
 
 /// Weight of a view for a vertex: the fourth power of the cosine between normal and view direction
-/// (slanted surfaces are blurred) times the mask; 0 if the vertex is not visible. `pixel` is set
+/// (slanted surfaces are blurred) times the opacity; 0 if the vertex is not visible. `pixel` is set
 /// unless the weight is 0.
 double weight_of(const ColoredView& view, const Eigen::Vector3d& vertex,
                  const Eigen::Vector3d& normal, std::size_t& pixel) {
@@ -47,7 +47,7 @@ double weight_of(const ColoredView& view, const Eigen::Vector3d& vertex,
         return 0.0;
     const Eigen::Vector3d to_camera = (view.camera.center - vertex).normalized();
     const double cosine = std::max(to_camera.dot(normal), 0.0);
-    return std::pow(cosine, 4.0) * static_cast<double>(view.mask.values<float>()[pixel]);
+    return std::pow(cosine, 4.0) * static_cast<double>(view.opacity.values<float>()[pixel]);
 }
 
 /// Adds weight times colour, and the weight as the fourth number.
