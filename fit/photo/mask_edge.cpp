@@ -92,21 +92,25 @@ void never_grow_outwards(cv::Mat& values, const cv::Mat& head, const cv::Mat& ar
 
 /// The values with an edge of `width` pixels around 0.5, unless theirs is narrower.
 cv::Mat crisp_edge(const cv::Mat& values, double width) {
+    const cv::Mat inside = values > 0.5;
+    const cv::Mat surely_head = farther_than(0.5 * width + 0.5, inside),
+                  surely_not = farther_than(0.5 * width + 0.5, inside == 0);
     cv::Mat across, down, slopes;
     cv::Scharr(values, across, CV_32F, 1, 0, 1.0 / 32.0);
     cv::Scharr(values, down, CV_32F, 0, 1, 1.0 / 32.0);
     cv::magnitude(across, down, slopes);
     // At the ends of an edge the slope is that of its middle.
-    const int reach = 2 * static_cast<int>(std::ceil(width)) + 1;
-    cv::dilate(slopes, slopes, cv::Mat::ones(reach, reach, CV_8U));
+    cv::dilate(slopes, slopes, cv::Mat::ones(3, 3, CV_8U));
     cv::Mat result(values.size(), CV_32F);
     for (int row = 0; row < values.rows; ++row)
         for (int column = 0; column < values.cols; ++column) {
             const float slope = static_cast<float>(width) * slopes.at<float>(row, column);
-            const float gain = std::clamp(1.0F / std::max(slope, 1e-6F), 1.0F, 8.0F);
+            const float gain = std::max(1.0F / std::max(slope, 1e-6F), 1.0F);
             result.at<float>(row, column) =
                 std::clamp(0.5F + gain * (values.at<float>(row, column) - 0.5F), 0.0F, 1.0F);
         }
+    result.setTo(1.0F, surely_head);
+    result.setTo(0.0F, surely_not);
     return result;
 }
 

@@ -97,6 +97,44 @@ TEST_CASE("the smallest masks get an edge too") {
     CHECK(of_column(32) == 0.0F);
 }
 
+TEST_CASE(
+    "an unsure edge between a face and a neck of the same colour is crisp, and stays in place") {
+    // As soft_head_mask leaves it: beyond a 64th of the side the network is sure.
+    const Tensor unsure = by_distance(1, [](double distance, std::int64_t) {
+        if (std::abs(distance) >= 3.5) return distance > 0.0 ? 1.0 : 0.0;
+        return 0.5 + distance / 16.0;
+    });
+    const Tensor result = edge_by_color(unsure, photo(0.25));
+    double between = 0.0;  // the width of what is neither head nor not, along a radius
+    for (std::int64_t row = 0; row < side / 2; ++row) {
+        const auto value =
+            static_cast<double>(result.values<float>()[static_cast<std::size_t>(row * side + 128)]);
+        const double distance = 80.0 - std::abs(static_cast<double>(row) - 128.0);
+        between += value > 0.02 && value < 0.98 ? 1.0 : 0.0;
+        if (std::abs(distance) > 3.0) CHECK(value == Approx(distance > 0.0 ? 1.0 : 0.0));
+    }
+    CHECK(between >= 1.0);
+    CHECK(between <= 4.0);
+}
+
+TEST_CASE("where what is around a head has several colours, their mean does not move its edge") {
+    const Tensor mask =
+        by_distance(1, [](double distance, std::int64_t) { return share(distance); });
+    // Stripes of skin and of a dark collar, whose mean the shaded rim of the face resembles.
+    Tensor image =
+        by_distance(3, [](double distance, std::int64_t) { return distance > 4.0 ? 0.8 : 0.5; });
+    const auto colors = image.mutable_values<float>();
+    for (std::int64_t i = 0; i < side * side; ++i)
+        if (mask.values<float>()[static_cast<std::size_t>(i)] == 0.0F)
+            for (std::int64_t channel = 0; channel < 3; ++channel)
+                colors[static_cast<std::size_t>(3 * i + channel)] = i / 4 % 2 == 0 ? 0.9F : 0.05F;
+    const Tensor result = edge_by_color(mask, image);
+    for (std::int64_t row = 0; row < side / 2; ++row)
+        CHECK(
+            result.values<float>()[static_cast<std::size_t>(row * side + 128)] ==
+            Approx(mask.values<float>()[static_cast<std::size_t>(row * side + 128)]).margin(1e-3));
+}
+
 TEST_CASE("a mask stays where the head has the wall's colour, or the photo neither's") {
     const Tensor mask =
         by_distance(1, [](double distance, std::int64_t) { return share(distance + 1.0); });
