@@ -143,7 +143,8 @@ void FitJob::tune(FittedFaces& done, const FitObserver& observer) const {
     const std::int64_t steps = std::ssize(done.tuning.losses);
     if (options.steps == 0 && steps < few)
         done.warnings.push_back("tuning made only " + std::to_string(steps) +
-                                " steps in its time; give it more, or --tune-steps 100");
+                                (steps == 1 ? " step" : " steps") +
+                                " in its time; give it more, or --tune-steps 100");
     done.changes = WeightChanges::between(model_, *tuned);
     done.tuned.emplace(done.changes->applied_to(model_));
     done.incomplete.clear();

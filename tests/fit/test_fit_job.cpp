@@ -144,6 +144,11 @@ TEST_CASE("A fit or a tuning that ends worse than it began is not kept, and says
 
     options.tuning.steps = 4;
     CHECK(done_with(options).warnings.empty());
+    FitJobOptions hurried = options;
+    hurried.tuning.steps = 0;
+    hurried.tuning.seconds = 1e-6;
+    CHECK_THAT(done_with(hurried).warnings.back(),
+               Catch::StartsWith("tuning made only 1 step in its time"));
     options.tuning.learning_rate = 10.0;
     const FittedFaces detuned = done_with(options);
     REQUIRE(detuned.warnings.size() == 1);

@@ -137,6 +137,11 @@ TEST_CASE("A face that a studio fits and tunes looks the same after it was writt
     const StudioFace tuned = studio.tune(fitted, 0.0, 6);
     CHECK(*tuned.psnr > *fitted.psnr - 1.0);
     CHECK(elements(tuned) == elements(fitted));
+    const StudioFace kept = studio.tune(tuned, 0.0, 1);
+    CHECK(kept.psnr == tuned.psnr);
+    CHECK(kept.tuned == tuned.tuned);
+    REQUIRE_FALSE(kept.warnings.empty());
+    CHECK_THAT(kept.warnings.back(), Catch::StartsWith("tuning begins anew"));
 
     const ScratchFolder scratch;
     write(tuned, scratch.path() / "codes.json", scratch.path() / "tuned.safetensors");

@@ -1,11 +1,13 @@
 #include <catch2/catch.hpp>
 #include <iostream>
 
+#include "core/error.h"
 #include "core/io/film.h"
 #include "core/io/scratch_folder.h"
 #include "fit/shipped_files.h"
 #include "fit/studio.h"
 #include "fit/video/acted_frame.h"
+#include "fit/video/film_follower.h"
 #include "fit/video/live_face.h"
 #include "fit/video/video_fit.h"
 #include "support/tiny_model.h"
@@ -23,6 +25,24 @@ double correlation(const std::vector<double>& a, const std::vector<double>& b) {
 }
 
 }  // namespace
+
+TEST_CASE("Options of films that are out of range are refused before the film is read") {
+    const Model model = test::tiny_model();
+    const PhotoPreparation preparation(settings_for(model.config(), {}));
+    for (const FilmOptions& wrong :
+         {FilmOptions{.first_frame = -1}, FilmOptions{.every = 0}, FilmOptions{.most_frames = -1},
+          FilmOptions{.window = 0}, FilmOptions{.key_frames = 0}})
+        CHECK_THROWS_AS(FilmFollower(preparation, model, "none.mp4", wrong, false), ValueError);
+    CHECK_THROWS_AS(FilmFollower(preparation, model, "none.mp4", {}, false), FileError);
+}
+
+TEST_CASE("Photos for fits are cut out as those for training, unless a pose network sees them") {
+    const ModelConfig model = test::tiny_model_config();
+    CHECK(settings_for(model, {}).whole_head);
+    PhotoPreparationSettings with_network;
+    with_network.pose_network = "pose.onnx";
+    CHECK_FALSE(settings_for(model, with_network).whole_head);
+}
 
 TEST_CASE("A mouth that opens before the camera and closes again is seen to") {
     if (!FaceDetector::available()) return;
