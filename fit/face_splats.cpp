@@ -130,7 +130,11 @@ Splats face_splats(const Model& model, const Codes& codes, std::int64_t count,
                    const std::function<void(double)>& observe) {
     constexpr double largest_yaw = 0.785;
     constexpr int yaws = 8;
-    const std::vector<SeenFace> seen = surface_views(model, codes, largest_yaw, yaws);
+    // About, of the whole time.
+    constexpr double share_of_views = 0.4;
+    const auto seen = surface_views(model, codes, largest_yaw, yaws, [&](double done) {
+        if (observe) observe(share_of_views * done);
+    });
     constexpr double coarse = 1.0 / 64.0;
     const auto found = static_cast<double>(surface_samples(seen, coarse).size());
     if (found == 0.0) fail<ValueError>("nothing of this face is inside its head mask");
@@ -163,7 +167,7 @@ Splats face_splats(const Model& model, const Codes& codes, std::int64_t count,
             adam.step({&each.parameter, 1}, {&slope, 1}, slower * each.rate);
             splats.*each.part = each.parameter.variable().value();
         }
-        if (observe) observe(static_cast<double>(step + 1) / steps);
+        if (observe) observe(std::lerp(share_of_views, 1.0, static_cast<double>(step + 1) / steps));
     }
     return splats;
 }

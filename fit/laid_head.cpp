@@ -272,7 +272,7 @@ private:
 }  // namespace
 
 std::vector<SeenFace> surface_views(const Model& model, const Codes& codes, double largest_yaw,
-                                    int yaws) {
+                                    int yaws, const std::function<void(double)>& observe) {
     FaceRenderer images(model, {.mode = RenderMode::exact, .mask = true, .remove_floaters = true});
     FaceRenderer depths(model,
                         {.mode = model.decoder().folds() ? RenderMode::skip : RenderMode::exact,
@@ -292,6 +292,8 @@ std::vector<SeenFace> surface_views(const Model& model, const Codes& codes, doub
         View view = images.render(camera);
         views.push_back({camera, std::move(view.image), std::move(view.mask),
                          pixel_depth(depths, camera, rays, side)});
+        if (observe)
+            observe(static_cast<double>(views.size()) / static_cast<double>(cameras.size()));
         if (views.size() > 1) continue;
         const FaceSquare face = square_around(mean_face_landmarks(camera, 1));
         double seen = 0.0;

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 
 #include "core/io/image.h"
 
@@ -96,28 +95,17 @@ std::optional<Landmarks> FaceTracker::find(const Tensor& frame) const {
 }
 
 Landmarks FaceTracker::smoothed(const Landmarks& found, bool starts) {
-    // In units of the face's extent and seconds.
-    constexpr double slow_cutoff = 2.0, cutoff_by_speed = 12.0, cutoff_of_speed = 2.0;
-    const auto weight = [this](double cutoff) {
-        const double step = 2.0 * std::numbers::pi * cutoff / rate_;
-        return step / (step + 1.0);
-    };
-    const double unit = extent_of(found);
+    const double unit = extent_of(found), seconds = static_cast<double>(frames_) / rate_;
+    Landmarks smooth;
     for (std::size_t i = 0; i < found.size(); ++i) {
-        if (starts) {
-            smooth_[i] = found[i];
-            speed_[i].setZero();
-            continue;
-        }
-        const Eigen::Vector2d speed = (found[i] - smooth_[i]) * rate_ / unit;
-        speed_[i] += weight(cutoff_of_speed) * (speed - speed_[i]);
-        smooth_[i] +=
-            weight(slow_cutoff + cutoff_by_speed * speed_[i].norm()) * (found[i] - smooth_[i]);
+        if (starts) filters_[i].reset();
+        smooth[i] = filters_[i](found[i], seconds, unit);
     }
-    return smooth_;
+    return smooth;
 }
 
 std::optional<TrackedFace> FaceTracker::next(const Tensor& frame) {
+    ++frames_;
     const bool cut = is_cut(frame);
     const bool followed = last_ && gone_ == 0;
     if (cut) last_.reset();

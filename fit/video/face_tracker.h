@@ -1,10 +1,14 @@
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <optional>
+#include <tuple>
 #include <vector>
 
 #include "core/tensor.h"
 #include "fit/photo/face_detector.h"
+#include "fit/video/one_euro_filter.h"
 
 namespace stymo {
 
@@ -18,13 +22,14 @@ struct TrackedFace {
 };
 
 /// Follows one face through a film: at first the largest, then the one that is nearest to where it
-/// was. Landmarks are smoothed by the 1-Euro filter (G. Casiez et al., "1 Euro Filter", CHI 2012),
-/// which smooths less where points move fast.
+/// was. Landmarks are smoothed by a `OneEuroFilter`, which smooths less where points move fast.
 class FaceTracker {
 public:
     /// `detector` must outlive the object.
     FaceTracker(const FaceDetector& detector, double frames_per_second)
-        : detector_(detector), rate_(frames_per_second) {}
+        : detector_(detector), rate_(frames_per_second) {
+        filters_.fill(OneEuroFilter<2>(landmark_filter));
+    }
 
     /// The face in the next frame (height, width, 3) in [0, 1]; nothing if it is not there.
     [[nodiscard]] std::optional<TrackedFace> next(const Tensor& frame);
@@ -32,6 +37,12 @@ public:
     [[nodiscard]] std::int64_t cuts() const { return cuts_; }
 
 private:
+    /// Lengths are in units of the face's extent.
+    static constexpr OneEuroSettings landmark_filter{.least_cutoff = 2.0,
+                                                     .speed_factor = 12.0,
+                                                     .speed_cutoff = 2.0,
+                                                     .speed_from_filtered = true};
+
     [[nodiscard]] bool is_cut(const Tensor& frame);
     [[nodiscard]] std::optional<Landmarks> find(const Tensor& frame) const;
     [[nodiscard]] Landmarks smoothed(const Landmarks& found, bool starts);
@@ -43,7 +54,8 @@ private:
     std::optional<Landmarks> last_;  ///< where the face was last, unless a cut came
     std::int64_t gone_ = 0;          ///< frames since then
     std::int64_t cuts_ = 0;
-    Landmarks smooth_{}, speed_{};
+    std::int64_t frames_ = 0;
+    std::array<OneEuroFilter<2>, std::tuple_size_v<Landmarks>> filters_;
 };
 
 }  // namespace stymo
