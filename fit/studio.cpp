@@ -13,6 +13,7 @@
 #include "nn/models/weight_changes.h"
 #include "nn/realtime/view.h"
 #include "render/morphable/builtin_head.h"
+#include "render/soft_edge.h"
 
 namespace stymo {
 
@@ -164,9 +165,14 @@ View Studio::render(const StudioFace& face, const StudioView& view) const {
                               : camera_from_pose(face.face.pose, model.config().camera.intrinsics);
     const SubnormalsFlushed flushed;
     const std::scoped_lock lock(state_->rendering);
-    FaceRenderer& renderer = state_->renderer_for(face.tuned, view.options);
+    RendererOptions options = view.options;
+    options.mask = options.mask || !view.raw;
+    FaceRenderer& renderer = state_->renderer_for(face.tuned, options);
     renderer.show(face.face.codes);
-    return renderer.render(camera);
+    View seen = renderer.render(camera);
+    if (!view.raw) seen.image = with_soft_edge(seen.image, seen.mask);
+    if (!view.options.mask) seen.mask = Tensor();
+    return seen;
 }
 
 FaceMesh Studio::mesh(const StudioFace& face, std::int64_t texture_side, bool neutral) const {

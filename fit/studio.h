@@ -34,6 +34,8 @@ struct StudioView {
     /// Degrees; positive yaw turns the face to the image's left. Without any, the face's own pose.
     std::optional<double> yaw{}, pitch{}, roll{};
     RendererOptions options{.mode = RenderMode::exact};
+    /// The image as the decoder draws it, without the soft edge of render/soft_edge.h.
+    bool raw = false;
 };
 
 /// A model with all that leads from a photo to a rendered face: for programs that embed stymo, and

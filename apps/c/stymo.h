@@ -61,7 +61,8 @@ STYMO_API int stymo_face_codes(const stymo_face* face, float codes[STYMO_CODE_SI
 STYMO_API void stymo_face_free(stymo_face* face); /* NULL: does nothing */
 
 /* Renders a face into side * side pixels; `side` is 64, 128, 256 ... up to that of the model.
- * `angles` are yaw, pitch and roll in degrees; NULL: the face's own pose. */
+ * `angles` are yaw, pitch and roll in degrees; NULL: the face's own pose.
+ * The head fades to black at a soft edge. */
 STYMO_API int stymo_render(const stymo_model* model, const stymo_face* face, const double* angles,
                            int side, uint8_t* rgb);
 

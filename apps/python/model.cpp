@@ -11,6 +11,7 @@
 #include "core/error.h"
 #include "core/ops/elementwise.h"
 #include "core/ops/shape_ops.h"
+#include "render/soft_edge.h"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -76,20 +77,26 @@ StudioFace tune(const Studio& studio, const StudioFace& face, double seconds, st
 }
 
 nb::object render(const Studio& studio, nb::handle given, Angle yaw, Angle pitch, Angle roll,
-                  std::int64_t size, const std::string& mode, std::int64_t samples, bool cutout) {
+                  std::int64_t size, const std::string& mode, std::int64_t samples, bool cutout,
+                  bool raw) {
     const StudioFace face = face_of(studio, given);
-    const StudioView view{
-        .yaw = yaw,
-        .pitch = pitch,
-        .roll = roll,
-        .options = {
-            .mode = mode_of(mode), .samples_per_ray = samples, .resolution = size, .mask = cutout}};
+    const StudioView view{.yaw = yaw,
+                          .pitch = pitch,
+                          .roll = roll,
+                          .options = {.mode = mode_of(mode),
+                                      .samples_per_ray = samples,
+                                      .resolution = size,
+                                      .mask = cutout},
+                          .raw = raw || cutout};
     Tensor image;
     {
         const nb::gil_scoped_release unlocked;
         const View seen = studio.render(face, view);
-        image =
-            cutout ? concat({Variable(seen.image), Variable(seen.mask)}, 2).value() : seen.image;
+        image = seen.image;
+        if (cutout) {
+            const Tensor opacity = raw ? seen.mask : soft_opacity(seen.mask);
+            image = concat({Variable(image), Variable(opacity)}, 2).value();
+        }
     }
     return numpy_of(image);
 }
@@ -198,14 +205,7 @@ void bind_face(nb::module_& module) {
             "Writes codes.json and, for a tuned face, tuned.safetensors, for the tools.");
 }
 
-}  // namespace
-
-void bind_model(nb::module_& module) {
-    bind_mesh(module);
-    bind_face(module);
-    nb::class_<Studio> model(module, "Model",
-                             "A face model with all that leads from a photo to a rendered face. "
-                             "Long calls release the GIL, and threads may share it.");
+void bind_fits(nb::class_<Studio>& model) {
     model
         .def_static(
             "load",
@@ -233,28 +233,6 @@ void bind_model(nb::module_& module) {
                      "collections.abc.Callable[[str, int, float], object] | None = None) -> Face"),
              "Tunes the decoder to the photo of a face that `fit` returned, until the seconds or "
              "the steps are over; 0: no such limit.")
-        .def("render", &render, "face"_a, "yaw"_a = nb::none(), "pitch"_a = nb::none(),
-             "roll"_a = nb::none(), "size"_a = 0, "mode"_a = "exact", "samples"_a = 64,
-             "cutout"_a = false,
-             nb::sig("def render(self, face: Face | numpy.typing.ArrayLike, yaw: float | None = "
-                     "None, pitch: float | None = None, roll: float | None = None, size: int = 0, "
-                     "mode: str = 'exact', samples: int = 64, cutout: bool = False) -> "
-                     "numpy.typing.NDArray[numpy.float32]"),
-             "Renders a face, or codes (306,): (size, size, 3), float32 in [0, 1], read-only.\n\n"
-             "yaw, pitch, roll: degrees; without any, the face's own pose.\n"
-             "size: 64, 128, 256 ... pixels; 0: the model's.\n"
-             "mode: \"exact\", or \"skip\", which is faster and keeps about 45 dB.\n"
-             "cutout: a fourth channel is the head's soft mask.")
-        .def("mesh", &mesh, "face"_a, "texture"_a = 1024, "neutral"_a = false,
-             nb::sig("def mesh(self, face: Face | numpy.typing.ArrayLike, texture: int = 1024, "
-                     "neutral: bool = False) -> Mesh"),
-             "A face, or codes (306,), as a textured mesh with ARKit's blend shapes.\n\n"
-             "texture: its side in pixels, a power of two.\n"
-             "neutral: without the expression of the face; otherwise the blend shapes come on "
-             "top of it.")
-        .def("sample", &sample, "count"_a = 1, "seed"_a = 0, "truncation"_a = 0.7,
-             "New faces from the distribution of the training faces. truncation: 0 gives the "
-             "mean face, 1 faces as varied as those.")
         .def(
             "mix",
             [](const Studio&, const StudioFace& target, const StudioFace& source,
@@ -269,6 +247,46 @@ void bind_model(nb::module_& module) {
             },
             "codes"_a, "tuned"_a = nb::none(),
             "Reads codes.json and tuned.safetensors of `Face.write` or stymo-fit.");
+}
+
+void bind_views(nb::class_<Studio>& model) {
+    model
+        .def("render", &render, "face"_a, "yaw"_a = nb::none(), "pitch"_a = nb::none(),
+             "roll"_a = nb::none(), "size"_a = 0, "mode"_a = "exact", "samples"_a = 64,
+             "cutout"_a = false, "raw"_a = false,
+             nb::sig("def render(self, face: Face | numpy.typing.ArrayLike, yaw: float | None = "
+                     "None, pitch: float | None = None, roll: float | None = None, size: int = 0, "
+                     "mode: str = 'exact', samples: int = 64, cutout: bool = False, raw: bool = "
+                     "False) -> numpy.typing.NDArray[numpy.float32]"),
+             "Renders a face, or codes (306,): (size, size, 3), float32 in [0, 1], read-only.\n\n"
+             "yaw, pitch, roll: degrees; without any, the face's own pose.\n"
+             "size: 64, 128, 256 ... pixels; 0: the model's.\n"
+             "mode: \"exact\", or \"skip\", which is faster and keeps about 45 dB.\n"
+             "cutout: a fourth channel is the head's opacity, and the colours do not fade.\n"
+             "raw: what the decoder draws, without the soft edge beyond which a head fades to "
+             "black.")
+        .def("mesh", &mesh, "face"_a, "texture"_a = 1024, "neutral"_a = false,
+             nb::sig("def mesh(self, face: Face | numpy.typing.ArrayLike, texture: int = 1024, "
+                     "neutral: bool = False) -> Mesh"),
+             "A face, or codes (306,), as a textured mesh with ARKit's blend shapes.\n\n"
+             "texture: its side in pixels, a power of two.\n"
+             "neutral: without the expression of the face; otherwise the blend shapes come on "
+             "top of it.")
+        .def("sample", &sample, "count"_a = 1, "seed"_a = 0, "truncation"_a = 0.7,
+             "New faces from the distribution of the training faces. truncation: 0 gives the "
+             "mean face, 1 faces as varied as those.");
+}
+
+}  // namespace
+
+void bind_model(nb::module_& module) {
+    bind_mesh(module);
+    bind_face(module);
+    nb::class_<Studio> model(module, "Model",
+                             "A face model with all that leads from a photo to a rendered face. "
+                             "Long calls release the GIL, and threads may share it.");
+    bind_fits(model);
+    bind_views(model);
     bind_decoder(model);
 }
 

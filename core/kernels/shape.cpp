@@ -10,8 +10,14 @@ namespace stymo::kernels {
 
 namespace {
 
-std::int64_t rows_per_chunk(std::int64_t row_size) {
-    return std::max<std::int64_t>(1, elementwise_grain / std::max<std::int64_t>(1, row_size));
+/// Calls body(row) for every row, in parallel. `row_size` is the number of elements in each.
+template <class Body>
+void for_each_row(std::int64_t rows, std::int64_t row_size, const Body& body) {
+    const std::int64_t grain =
+        std::max<std::int64_t>(1, elementwise_grain / std::max<std::int64_t>(1, row_size));
+    parallel_for(rows, grain, [&](std::int64_t begin, std::int64_t end) {
+        for (std::int64_t row = begin; row < end; ++row) body(row);
+    });
 }
 
 }  // namespace
@@ -36,7 +42,7 @@ Tensor permute(const Tensor& x, const std::vector<int>& order) {
         T* out = y.mutable_values<T>().data();
         const std::int64_t length = shape[rank - 1];
         const std::int64_t step = stride[static_cast<std::size_t>(rank - 1)];
-        const auto copy_row = [&](std::int64_t row) {
+        for_each_row(shape.size() / length, length, [&](std::int64_t row) {
             const T* from = in;
             std::int64_t rest = row;
             for (int axis = rank - 2; axis >= 0; --axis) {
@@ -49,11 +55,7 @@ Tensor permute(const Tensor& x, const std::vector<int>& order) {
             } else {
                 for (std::int64_t i = 0; i < length; ++i) to[i] = from[i * step];
             }
-        };
-        parallel_for(shape.size() / length, rows_per_chunk(length),
-                     [&](std::int64_t begin, std::int64_t end) {
-                         for (std::int64_t row = begin; row < end; ++row) copy_row(row);
-                     });
+        });
     });
     return y;
 }
@@ -65,14 +67,10 @@ Tensor flip(const Tensor& x, int axis) {
     dispatch(x.dtype(), [&]<class T>(T) {
         const T* in = x.values<T>().data();
         T* out = y.mutable_values<T>().data();
-        parallel_for(inner == 0 ? 0 : x.size() / inner, rows_per_chunk(inner),
-                     [=](std::int64_t begin, std::int64_t end) {
-                         for (std::int64_t row = begin; row < end; ++row) {
-                             const std::int64_t mirrored =
-                                 row / middle * middle + (middle - 1 - row % middle);
-                             std::copy_n(in + mirrored * inner, inner, out + row * inner);
-                         }
-                     });
+        for_each_row(inner == 0 ? 0 : x.size() / inner, inner, [=](std::int64_t row) {
+            const std::int64_t mirrored = row / middle * middle + (middle - 1 - row % middle);
+            std::copy_n(in + mirrored * inner, inner, out + row * inner);
+        });
     });
     return y;
 }
@@ -85,11 +83,9 @@ Tensor slice(const Tensor& x, int axis, std::int64_t begin, std::int64_t end) {
     dispatch(x.dtype(), [&]<class T>(T) {
         const T* in = x.values<T>().data() + begin * inner;
         T* out = y.mutable_values<T>().data();
-        parallel_for(x.shape().product(0, axis), rows_per_chunk(length),
-                     [=](std::int64_t first, std::int64_t last) {
-                         for (std::int64_t row = first; row < last; ++row)
-                             std::copy_n(in + row * from_row, length, out + row * length);
-                     });
+        for_each_row(x.shape().product(0, axis), length, [=](std::int64_t row) {
+            std::copy_n(in + row * from_row, length, out + row * length);
+        });
     });
     return y;
 }
@@ -111,18 +107,14 @@ Tensor concat(const std::vector<Tensor>& parts, int axis) {
     const std::int64_t inner = first.shape().product(axis + 1, first.rank());
     dispatch(first.dtype(), [&]<class T>(T) {
         T* out = y.mutable_values<T>().data();
-        std::int64_t offset = 0;
+        const std::int64_t stride = extent * inner;
         for (const Tensor& part : parts) {
             const T* in = part.values<T>().data();
             const std::int64_t length = part.shape(axis) * inner;
-            const std::int64_t stride = extent * inner;
-            parallel_for(first.shape().product(0, axis), rows_per_chunk(length),
-                         [=](std::int64_t begin, std::int64_t end) {
-                             for (std::int64_t row = begin; row < end; ++row)
-                                 std::copy_n(in + row * length, length,
-                                             out + offset + row * stride);
-                         });
-            offset += length;
+            for_each_row(first.shape().product(0, axis), length, [=](std::int64_t row) {
+                std::copy_n(in + row * length, length, out + row * stride);
+            });
+            out += length;
         }
     });
     return y;
@@ -135,20 +127,15 @@ namespace {
 template <class Move>
 void for_each_subpixel(std::int64_t batch, std::int64_t height, std::int64_t width,
                        std::int64_t channels, Move move) {
-    parallel_for(
-        batch * height, rows_per_chunk(width * channels * 4),
-        [=](std::int64_t begin, std::int64_t end) {
-            for (std::int64_t row = begin; row < end; ++row) {
-                for (std::int64_t column = 0; column < width; ++column) {
-                    for (std::int64_t k = 0; k < 4; ++k) {
-                        const std::int64_t packed = (row * width + column) * channels * 4 + k;
-                        const std::int64_t spread =
-                            ((row * 2 + k / 2) * width * 2 + column * 2 + k % 2) * channels;
-                        move(packed, spread);
-                    }
-                }
-            }
-        });
+    for_each_row(batch * height, width * channels * 4, [=](std::int64_t row) {
+        for (std::int64_t i = 0; i < width * 4; ++i) {
+            const std::int64_t column = i / 4, k = i % 4;
+            const std::int64_t packed = (row * width + column) * channels * 4 + k;
+            const std::int64_t spread =
+                ((row * 2 + k / 2) * width * 2 + column * 2 + k % 2) * channels;
+            move(packed, spread);
+        }
+    });
 }
 
 }  // namespace
@@ -161,17 +148,21 @@ Tensor pixel_shuffle(const Tensor& x, const Tensor& coarse) {
         const T* in = x.values<T>().data();
         const T* added = coarse.defined() ? coarse.values<T>().data() : nullptr;
         T* out = y.mutable_values<T>().data();
-        for_each_subpixel(x.shape(0), x.shape(1), x.shape(2), channels,
-                          [=](std::int64_t packed, std::int64_t spread) {
-                              if (added == nullptr) {
-                                  for (std::int64_t c = 0; c < channels; ++c)
-                                      out[spread + c] = in[packed + 4 * c];
-                              } else {
-                                  const T* const from = added + packed / (4 * channels) * channels;
-                                  for (std::int64_t c = 0; c < channels; ++c)
-                                      out[spread + c] = in[packed + 4 * c] + from[c];
-                              }
-                          });
+        const auto copy = [=](std::int64_t packed, std::int64_t spread) {
+            for (std::int64_t c = 0; c < channels; ++c) out[spread + c] = in[packed + 4 * c];
+        };
+        const auto add = [=](std::int64_t packed, std::int64_t spread) {
+            const T* const from = added + packed / (4 * channels) * channels;
+            for (std::int64_t c = 0; c < channels; ++c)
+                out[spread + c] = in[packed + 4 * c] + from[c];
+        };
+        const auto walk = [&](const auto& move) {
+            for_each_subpixel(x.shape(0), x.shape(1), x.shape(2), channels, move);
+        };
+        if (added == nullptr)
+            walk(copy);
+        else
+            walk(add);
     });
     return y;
 }
@@ -197,14 +188,9 @@ Tensor gather_rows(const Tensor& x, const RowIndices& rows) {
     dispatch(x.dtype(), [&]<class T>(T) {
         const T* in = x.values<T>().data();
         T* out = y.mutable_values<T>().data();
-        const std::int64_t grain =
-            std::max<std::int64_t>(1, elementwise_grain / std::max<std::int64_t>(1, width));
-        parallel_for(static_cast<std::int64_t>(rows.size()), grain,
-                     [&](std::int64_t begin, std::int64_t end) {
-                         for (std::int64_t i = begin; i < end; ++i)
-                             std::copy_n(in + rows[static_cast<std::size_t>(i)] * width, width,
-                                         out + i * width);
-                     });
+        for_each_row(std::ssize(rows), width, [&](std::int64_t i) {
+            std::copy_n(in + rows[static_cast<std::size_t>(i)] * width, width, out + i * width);
+        });
     });
     return y;
 }

@@ -9,6 +9,7 @@
 #include "fit/studio.h"
 #include "nn/models/code_file.h"
 #include "nn/realtime/view.h"
+#include "render/soft_edge.h"
 #include "support/error_message.h"
 
 using namespace stymo;
@@ -42,15 +43,22 @@ TEST_CASE("A studio finds the model above the program and renders as the library
     const Studio& studio = shared_studio();
     CHECK(studio.model().validation_psnr());  // what stymo-fit takes for usual
     const StudioFace face = studio.sample(3);
-    const Tensor seen =
-        studio.render(face, {.yaw = 20.0, .options = {.mode = RenderMode::exact, .resolution = 64}})
-            .image;
-    const Tensor expected = render_view(studio.model(), face.face.codes, 0,
-                                        turned_camera(studio.model().config().camera, head_middle,
-                                                      radians_from_degrees(20.0), 0.0, 0.0),
-                                        {.resolution = 64})
-                                .image;
-    CHECK(seen.to_vector() == expected.to_vector());
+    const StudioView view{.yaw = 20.0,
+                          .options = {.mode = RenderMode::exact, .resolution = 64, .mask = true},
+                          .raw = true};
+    const View expected = render_view(studio.model(), face.face.codes, 0,
+                                      turned_camera(studio.model().config().camera, head_middle,
+                                                    radians_from_degrees(20.0), 0.0, 0.0),
+                                      {.resolution = 64, .mask = true});
+    const View seen = studio.render(face, view);
+    CHECK(seen.image.to_vector() == expected.image.to_vector());
+    CHECK(seen.mask.to_vector() == expected.mask.to_vector());
+
+    StudioView usual = view;
+    usual.raw = usual.options.mask = false;
+    const View soft = studio.render(face, usual);
+    CHECK(soft.image.to_vector() == with_soft_edge(expected.image, expected.mask).to_vector());
+    CHECK_FALSE(soft.mask.defined());
 }
 
 TEST_CASE("A renderer that a studio keeps does not show an earlier face or view", "[studio]") {

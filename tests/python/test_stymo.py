@@ -29,7 +29,14 @@ class Faces(unittest.TestCase):
         model.render(model.sample(seed=4)[0], size=64)
         gc.collect()
         np.testing.assert_array_equal(image, kept)  # the next view has memory of its own
-        self.assertEqual(model.render(face, size=64, cutout=True).shape, (64, 64, 4))
+
+    def test_heads_fade_to_black_by_their_opacity_unless_raw(self):
+        face = model.sample(seed=3)[0]
+        raw = model.render(face, size=64, raw=True)
+        cutout = model.render(face, size=64, cutout=True)
+        self.assertEqual(cutout.shape, (64, 64, 4))
+        np.testing.assert_array_equal(cutout[..., :3], raw)
+        np.testing.assert_allclose(model.render(face, size=64), raw * cutout[..., 3:], atol=1e-6)
 
     def test_codes_render_as_their_face_does(self):
         face = model.sample(seed=3)[0]
