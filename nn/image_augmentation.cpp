@@ -59,7 +59,9 @@ private:
 Eigen::Matrix3d drawn_geometry(Draws& draw, double probability) {
     Eigen::Matrix3d map = scaled(draw.whole(2, 0) == 1 ? -1 : 1, 1);
     map *= turned(pi / 2 * draw.whole(4, 0));
-    map *= moved(draw.uniform(-0.25, 0.25, 0), 0) * moved(0, draw.uniform(-0.25, 0.25, 0));
+    // The order of draws in one expression would be the compiler's choice.
+    const double right = draw.uniform(-0.25, 0.25, 0), down = draw.uniform(-0.25, 0.25, 0);
+    map *= moved(right, down);
     const double size = draw.factor(0.2 * ln2);
     map *= scaled(size, size);
     // There are rotations before and after the stretching. That at least one of them is applied has
@@ -69,7 +71,8 @@ Eigen::Matrix3d drawn_geometry(Draws& draw, double probability) {
     draw.set_probability(probability);
     const double stretch = draw.factor(0.2 * ln2);
     map *= turned(before) * scaled(stretch, 1 / stretch) * turned(after);
-    return map * moved(draw.normal(0.25), 0) * moved(0, draw.normal(0.25));
+    const double last_right = draw.normal(0.25), last_down = draw.normal(0.25);
+    return map * moved(last_right, last_down);
 }
 
 /// Brightness, contrast, flipped luma, hue and saturation, in this order.

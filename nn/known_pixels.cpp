@@ -1,5 +1,6 @@
 #include "nn/known_pixels.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "core/ops/ops.h"
@@ -7,6 +8,12 @@
 namespace stymo {
 
 namespace {
+
+bool has_zero(const Tensor& values) {
+    return dispatch(values.dtype(), [&]<class T>(T zero) {
+        return std::ranges::find(values.values<T>(), zero) != values.values<T>().end();
+    });
+}
 
 /// 1 for each pixel to which resize_bicubic gives a weight.
 ResampleMatrix contributions(std::int64_t output_length, std::int64_t input_length) {
@@ -36,7 +43,7 @@ Tensor spread(const Tensor& known, const Tensor& images) {
     const Tensor means =
         (shrunk(Variable(images) * weight) / where(area.value(), area, ones)).value();
     const Tensor found = where(area.value(), ones, area).value();
-    const bool complete = last || known_share(found) == 1.0;
+    const bool complete = last || !has_zero(found);
     const Variable coarse = complete ? means : spread(found, means);
     return where(weight, images, resize_bilinear(coarse, side, side)).value();
 }
@@ -78,7 +85,7 @@ double known_share(const Tensor& known) {
 }
 
 Tensor unless_all_known(const Tensor& known) {
-    return known_share(known) < 1.0 ? known : Tensor();
+    return known.defined() && has_zero(known) ? known : Tensor();
 }
 
 }  // namespace stymo

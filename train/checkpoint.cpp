@@ -4,7 +4,6 @@
 #include <charconv>
 #include <cstdint>
 #include <functional>
-#include <iomanip>
 #include <map>
 #include <optional>
 #include <sstream>
@@ -15,6 +14,7 @@
 #include <vector>
 
 #include "core/error.h"
+#include "core/exact_text.h"
 #include "core/io/checksum.h"
 #include "core/io/file.h"
 #include "train/state_number.h"
@@ -35,9 +35,7 @@ std::string seal_of(const fs::path& file) {
         checksum = crc32c(part, checksum);
         size += part.size();
     });
-    std::ostringstream text;
-    text << std::hex << std::setw(8) << std::setfill('0') << checksum << ' ' << std::dec << size;
-    return text.str();
+    return hexadecimal(checksum, 8) + ' ' + exact_text(size);
 }
 
 /// Checksums and sizes of the files, by name.
@@ -93,13 +91,6 @@ void remove_or_fail(const fs::path& folder) {
 constexpr const char* model_name = "model.safetensors";
 constexpr const char* state_name = "state.safetensors";
 constexpr const char* epoch_losses_name = "state.epoch_losses";
-
-template <class T>
-std::string exact_text(T value) {
-    char text[64];
-    const auto end = std::to_chars(std::begin(text), std::end(text), value);
-    return {text, end.ptr};
-}
 
 /// Calls visit(key, field) for every number of the state.
 template <class State, class Visit>

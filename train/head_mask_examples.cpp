@@ -12,6 +12,7 @@
 #include "core/ops/elementwise.h"
 #include "core/parallel.h"
 #include "nn/pretrained/head_mask_network.h"
+#include "train/data/face_image.h"
 #include "train/data/folder_scan.h"
 
 namespace stymo {
@@ -158,8 +159,11 @@ HeadMaskExamples::Picture HeadMaskExamples::read_photo(const fs::path& folder,
     const Tensor image = read_image(files.image);
     const auto mask_in = [&](const fs::path& file) {
         const Tensor mask = read_mask_file(file).mask;
-        if (mask.shape(0) * image.shape(1) != mask.shape(1) * image.shape(0))
-            fail<FileError>(file.string(), ": has another shape than its photo");
+        try {
+            require_same_frame(mask, image);
+        } catch (const FileError& error) {
+            fail<FileError>(file.string(), ": ", error.what());
+        }
         return at_usual_side(central_square(mask));
     };
     put(picture.bytes, photo_channels, 0, at_usual_side(central_square(image)));

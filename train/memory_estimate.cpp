@@ -40,7 +40,7 @@ bool has_discriminator(const TrainConfig& config, const TrainingPhase& phase) {
 /// both moments; the EMA of all weights.
 std::int64_t lasting_numbers(const Model& model, const ReconstructionLoss& loss,
                              const TrainConfig& config, const TrainingPhase& phase,
-                             std::int64_t at_once) {
+                             std::int64_t at_once, std::int64_t offset_numbers) {
     const std::int64_t gradients =
         std::max<std::int64_t>(2, GradientTree::most_sets(micro_batches_of(phase), at_once));
     const std::int64_t all = model.parameters().element_count();
@@ -49,6 +49,7 @@ std::int64_t lasting_numbers(const Model& model, const ReconstructionLoss& loss,
         phase.stage == 1 ? config.stage1.average_half_life : config.stage2.average_half_life;
     std::int64_t numbers =
         (half_life > 0.0 ? 2 : 1) * all + (2 + gradients) * (phase.stage == 1 ? all : decoder);
+    numbers += (phase.stage == 1 ? 3 + gradients : 1) * offset_numbers;
     if (loss.lpips() != nullptr) numbers += loss.lpips()->element_count();
     // Three more for each weight of the discriminator: the state to which a failed step returns.
     if (has_discriminator(config, phase))
@@ -106,7 +107,7 @@ std::int64_t StepMemory::peak() const {
 
 StepMemory estimate_step_memory(const Model& model, const ReconstructionLoss& loss,
                                 const TrainConfig& config, const TrainingPhase& phase,
-                                const StepExecution& execution) {
+                                const StepExecution& execution, std::int64_t offset_numbers) {
     const std::int64_t at_once = execution.at_once(phase);
     const auto heap_bytes = [at_once](std::int64_t numbers) {
         return static_cast<std::int64_t>(heap_factor *
@@ -114,7 +115,8 @@ StepMemory estimate_step_memory(const Model& model, const ReconstructionLoss& lo
     };
     StepMemory memory;
     memory.persistent =
-        program_bytes + bytes_per_number * lasting_numbers(model, loss, config, phase, at_once);
+        program_bytes +
+        bytes_per_number * lasting_numbers(model, loss, config, phase, at_once, offset_numbers);
     memory.generator =
         heap_bytes(generator_numbers(model, loss, config, phase, execution.recomputation));
     if (has_discriminator(config, phase)) {
@@ -130,11 +132,13 @@ StepMemory estimate_step_memory(const Model& model, const ReconstructionLoss& lo
 }
 
 StepExecution choose_execution(const Model& model, const ReconstructionLoss& loss,
-                               const TrainConfig& config, const TrainingPhase& phase) {
+                               const TrainConfig& config, const TrainingPhase& phase,
+                               std::int64_t offset_numbers) {
     const double budget = config.memory.budget_gibibytes;
     const StepExecution fastest{.recomputation = {}, .side_by_side = true};
     const auto gibibytes_of = [&](const StepExecution& execution) {
-        const StepMemory memory = estimate_step_memory(model, loss, config, phase, execution);
+        const StepMemory memory =
+            estimate_step_memory(model, loss, config, phase, execution, offset_numbers);
         return estimate_margin * static_cast<double>(memory.peak()) / gibibyte;
     };
     if (budget == 0.0)

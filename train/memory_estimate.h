@@ -21,12 +21,14 @@ struct StepMemory {
 };
 
 /// Sums the LayerMemory of the model's layers and of the loss. Only stage, resolution, batch,
-/// micro_batch and samples_per_ray of `phase` are read. The estimate is within 25 % of the measured
+/// micro_batch and samples_per_ray of `phase` are read. `offset_numbers`: what the run learns for
+/// its photos (PhotoOffsets). The estimate is within 25 % of the measured
 /// peak for the model sizes of configs/ (`test_train "[memory]"`). It does not include the cache of
 /// decoded faces (data.cache_megabytes).
 [[nodiscard]] StepMemory estimate_step_memory(const Model& model, const ReconstructionLoss& loss,
                                               const TrainConfig& config, const TrainingPhase& phase,
-                                              const StepExecution& execution);
+                                              const StepExecution& execution,
+                                              std::int64_t offset_numbers = 0);
 
 /// The first of these choices for which 1.25 times the estimate for this phase fits into
 /// memory.budget_gibibytes: micro-batches side by side; one after the other; also with recomputed
@@ -35,6 +37,7 @@ struct StepMemory {
 /// recomputation of render blocks changes results, by rounding. Throws ConfigError, which names the
 /// key and the smallest sufficient budget.
 [[nodiscard]] StepExecution choose_execution(const Model& model, const ReconstructionLoss& loss,
-                                             const TrainConfig& config, const TrainingPhase& phase);
+                                             const TrainConfig& config, const TrainingPhase& phase,
+                                             std::int64_t offset_numbers = 0);
 
 }  // namespace stymo

@@ -212,7 +212,8 @@ bool is_of_photos(const std::string& name) {
 void store_photo_ids(TensorFile& state, const std::vector<std::string>& ids) {
     std::string text;
     for (const std::string& id : ids) text += escaped(id) + '\n';
-    state.metadata[photos_key] = text;
+    constexpr std::size_t most_bytes = 30'000'000;
+    if (text.size() <= most_bytes) state.metadata[photos_key] = text;
 }
 
 std::string follow_photos(TensorFile& state, const std::vector<std::string>& photo_ids) {

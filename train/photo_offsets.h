@@ -37,6 +37,7 @@ public:
     [[nodiscard]] bool has_codes() const { return config_.codes; }
     [[nodiscard]] bool has_poses() const { return config_.poses; }
     [[nodiscard]] ParameterStore& parameters() { return parameters_; }
+    [[nodiscard]] std::int64_t element_count() const { return parameters_.element_count(); }
 
     /// Restores what `parameters().save` wrote. Offsets of a kind or of a source that the file does
     /// not have stay zeros. Throws FileError, which names `source`, for offsets of another number
@@ -72,7 +73,8 @@ private:
 /// The cameras of the batch's faces, moved by their learnt offsets, if any. `offsets` may be null.
 [[nodiscard]] std::vector<Camera> face_cameras(const FaceBatch& batch, const PhotoOffsets* offsets);
 
-/// Notes in a checkpoint which photos the run has.
+/// Notes in a checkpoint which photos the run has, unless there are millions: their names would not
+/// fit into the header of a file.
 void store_photo_ids(TensorFile& state, const std::vector<std::string>& ids);
 
 /// Compares the photos of a checkpoint with those that a run has now. Rows of learnt offsets

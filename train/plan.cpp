@@ -94,7 +94,8 @@ TrainingPlan measure_plan(Trainer& trainer, const TrainConfig& config, const Dat
             PhasePlan{.phase = phase, .epochs = images / static_cast<double>(plan.images)});
         part.estimated_megabytes =
             static_cast<double>(estimate_step_memory(trainer.model(), trainer.reconstruction(),
-                                                     config, phase, phase.execution)
+                                                     config, phase, phase.execution,
+                                                     trainer.offset_numbers())
                                     .peak()) /
             mebibyte;
         const bool at_an_end = &phase == &phases.front() || &phase == &phases.back();

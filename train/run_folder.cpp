@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "core/error.h"
+#include "core/exact_text.h"
 #include "core/io/file.h"
 #include "core/io/image.h"
 #include "train/checkpoint.h"
@@ -20,9 +21,9 @@ namespace stymo {
 namespace {
 
 std::string numbered(std::int64_t step) {
-    std::ostringstream text;
-    text << std::setw(6) << std::setfill('0') << step;
-    return text.str();
+    constexpr std::size_t least_digits = 6;
+    const std::string digits = exact_text(step);
+    return std::string(least_digits - std::min(least_digits, digits.size()), '0') + digits;
 }
 
 std::string time_text() {

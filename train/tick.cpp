@@ -44,7 +44,7 @@ TickClock::Reading TickClock::reading(std::int64_t image) const {
             images_.waiting_seconds(), image};
 }
 
-TickSpeed TickClock::lap(std::int64_t image) {
+TickSpeed TickClock::lap(std::int64_t image, std::int64_t loading_threads) {
     const Reading begin = std::exchange(begin_, reading(image));
     const double seconds = begin_.now - begin.now;
     TickSpeed speed{static_cast<double>(image - begin.image) / seconds};
@@ -53,7 +53,8 @@ TickSpeed TickClock::lap(std::int64_t image) {
         speed.hidden_exchange_share = hidden / seconds;
         speed.exchange_share = (begin_.exchange - begin.exchange - hidden) / seconds;
     }
-    speed.disk_share = (begin_.disk - begin.disk) / (seconds * static_cast<double>(thread_count()));
+    speed.disk_share =
+        (begin_.disk - begin.disk) / (seconds * static_cast<double>(loading_threads));
     return speed;
 }
 
@@ -145,7 +146,8 @@ ValidationScore validation_score(const Model& model, const ReconstructionLoss& r
         sum.psnr +=
             peak_signal_to_noise_ratio(image, photo) + 10.0 * std::log10(known_share(known));
     }
-    const auto faces_scored = static_cast<double>(std::max<std::int64_t>(scored, 1));
+    // NaN if none was scored.
+    const auto faces_scored = static_cast<double>(scored);
     return {sum.reconstruction / faces_scored, sum.psnr / faces_scored};
 }
 

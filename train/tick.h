@@ -46,7 +46,8 @@ struct TickSpeed {
     std::optional<double> exchange_share{};
     /// Share of the time in which it exchanged data while it was computing.
     std::optional<double> hidden_exchange_share{};
-    double disk_share = 0.0;  ///< share of the threads' time in which they waited for the disk
+    /// Share of the time in which the threads that load photos waited for the disk.
+    double disk_share = 0.0;
 };
 
 /// Measures the speed of the steps of each tick.
@@ -55,8 +56,9 @@ public:
     /// Begins a tick at image `image` of the run. `images` and `ranks` must outlive the clock.
     TickClock(const TrainingImages& images, const Ranks& ranks, std::int64_t image);
 
-    /// The speed of the tick that ends at image `image`. The next tick begins.
-    [[nodiscard]] TickSpeed lap(std::int64_t image);
+    /// The speed of the tick that ends at image `image`, whose photos were loaded by so many
+    /// threads. The next tick begins.
+    [[nodiscard]] TickSpeed lap(std::int64_t image, std::int64_t loading_threads);
 
 private:
     /// Seconds since some begin.
@@ -106,7 +108,8 @@ struct ValidationScore {
     double psnr = 0.0;            ///< of the masked image, in decibels
 };
 
-/// The score on the first `count` faces, at one of the model's resolutions.
+/// The score on the first `count` faces, at one of the model's resolutions; NaN if none of their
+/// pixels is known.
 [[nodiscard]] ValidationScore validation_score(const Model& model,
                                                const ReconstructionLoss& reconstruction,
                                                const Dataset& faces, std::int64_t count,

@@ -65,7 +65,7 @@ Trainer::Trainer(const TrainConfig& config, const Dataset& training, const Datas
     create_offsets(config.stage1.pose_interval > 0);
     schedule_.choose_executions([&](const TrainingPhase& phase) {
         require_share(ranks_, phase.micro_batches(), "stage " + std::to_string(phase.stage));
-        return choose_execution(model_, reconstruction_, config, phase);
+        return choose_execution(model_, reconstruction_, config, phase, offset_numbers());
     });
     state_.seed = seed;
     state_.mask_loss = config.loss.mask_start_epoch == 0;
@@ -215,15 +215,16 @@ void Trainer::save_checkpoint(const RunFolder& folder) {
             const ValidationScore score =
                 validation_score(model_, reconstruction_, *validation_, count, phase.resolution,
                                  phase.samples_per_ray);
-            model_.set_validation_psnr(score.psnr);
+            const bool is_scored = std::isfinite(score.reconstruction);
+            if (is_scored) model_.set_validation_psnr(score.psnr);
             line << std::fixed << ", validation at " << phase.resolution
                  << " pixels: reconstruction " << std::setprecision(4) << score.reconstruction
                  << ", PSNR " << std::setprecision(2) << score.psnr << " dB"
                  << (score.psnr > most_plausible_psnr ? implausible_psnr : "");
             // A run that is resumed in another folder has no best model there yet.
-            if (phase.resolution != state_.best_resolution ||
-                score.reconstruction < state_.best_validation ||
-                !std::filesystem::exists(folder.best_file())) {
+            if (is_scored && (phase.resolution != state_.best_resolution ||
+                              score.reconstruction < state_.best_validation ||
+                              !std::filesystem::exists(folder.best_file()))) {
                 state_.best_resolution = phase.resolution;
                 state_.best_validation = score.reconstruction;
                 model_.save(folder.best_file());

@@ -79,6 +79,10 @@ public:
     [[nodiscard]] const TrainingState& state() const { return state_; }
     [[nodiscard]] const TrainingSchedule& schedule() const { return schedule_; }
     [[nodiscard]] const ReconstructionLoss& reconstruction() const { return reconstruction_; }
+    /// What is learnt for the photos (PhotoOffsets), in numbers.
+    [[nodiscard]] std::int64_t offset_numbers() const {
+        return offsets_ ? offsets_->element_count() : 0;
+    }
 
 private:
     /// During its lifetime the model is frozen and holds the EMA of its weights, if there is one,

@@ -169,7 +169,9 @@ void Trainer::Run::require_sound_loss(std::int64_t most) const {
 
 void Trainer::Run::end_tick(const TrainingPosition& position) {
     const std::int64_t steps = trainer_.state_.step;
-    const TickSpeed speed = clock_.lap(images_done());
+    // A micro-batch loads its own photos.
+    const TickSpeed speed =
+        clock_.lap(images_done(), position.phase.execution.at_once(position.phase));
     constexpr double slow_from = 0.2;
     if (speed.disk_share > slow_from && !disk_is_slow_) {
         disk_is_slow_ = true;

@@ -173,6 +173,9 @@ std::string encoded_header(const TensorFile& contents,
     }
     text.append((length_bytes - text.size() % length_bytes) % length_bytes, ' ');
     const std::uint64_t length = text.size();
+    if (length > maximum_header_length)
+        fail<ValueError>("[write_tensor_file] names and metadata need ", length,
+                         " bytes, more than the ", maximum_header_length, " of a header");
     std::string encoded(length_bytes, '\0');
     std::memcpy(encoded.data(), &length, length_bytes);
     return encoded + text;

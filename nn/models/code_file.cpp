@@ -2,11 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <locale>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
 #include "core/error.h"
+#include "core/exact_text.h"
 #include "core/io/checksum.h"
 #include "core/io/file.h"
 #include "core/io/json_check.h"
@@ -103,10 +102,7 @@ std::string model_mark(const std::filesystem::path& model) {
     const TensorFile file = read_tensor_file(model);
     if (const auto mark = file.metadata.find(mark_key); mark != file.metadata.end())
         return mark->second;
-    std::ostringstream text;
-    text.imbue(std::locale::classic());
-    text << std::hex << crc32c(read_file(model));
-    return text.str();
+    return hexadecimal(crc32c(read_file(model)));
 }
 
 void require_mark(const CodeFile& codes, const std::string& mark, const std::string& source) {

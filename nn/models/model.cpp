@@ -1,8 +1,10 @@
 #include "nn/models/model.h"
 
-#include <sstream>
+#include <charconv>
+#include <cmath>
 
 #include "core/error.h"
+#include "core/exact_text.h"
 #include "core/io/tensor_file.h"
 
 namespace stymo {
@@ -38,7 +40,7 @@ void describe(ConfigSchema& schema, ModelConfig& config) {
                   "principal point in units of the image side");
     schema.number("camera.center_y", camera.intrinsics.center_y, -1.0, 2.0,
                   "principal point in units of the image side");
-    schema.number("camera.distance", camera.distance, 0.1, 100.0,
+    schema.number("camera.distance", camera.distance, 0.1, 1000.0,
                   "distance of the frontal camera from the head's origin, in decimetres");
     schema.number("camera.pivot_depth", camera.pivot_depth, -10.0, 10.0,
                   "z of the point that stays in the middle of the image when the head turns");
@@ -122,8 +124,12 @@ Model Model::load(const std::filesystem::path& path, ModelParts parts) {
     model.parameters_.set_trainable("", false);
     model.code_statistics_ = CodeStatistics::load(file, path.string());
     if (const auto psnr = file.metadata.find(psnr_key); psnr != file.metadata.end()) {
-        std::istringstream number(psnr->second);
-        if (double value = 0.0; number >> value && number.eof()) model.validation_psnr_ = value;
+        const std::string& number = psnr->second;
+        double value = 0.0;
+        const auto end = std::from_chars(number.data(), number.data() + number.size(), value);
+        if (end == std::from_chars_result{number.data() + number.size(), std::errc()} &&
+            std::isfinite(value))
+            model.validation_psnr_ = value;
     }
     return model;
 }
@@ -151,7 +157,7 @@ void Model::save(const std::filesystem::path& path) const {
     TensorFile file;
     file.metadata[model_format_key] = model_format;
     file.metadata[config_key] = to_json(config_);
-    if (validation_psnr_) file.metadata[psnr_key] = std::to_string(*validation_psnr_);
+    if (validation_psnr_) file.metadata[psnr_key] = exact_text(*validation_psnr_);
     parameters_.save(file);
     if (code_statistics_) code_statistics_->save(file);
     write_tensor_file(path, file);

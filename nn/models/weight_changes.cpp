@@ -2,12 +2,11 @@
 
 #include <algorithm>
 #include <iterator>
-#include <locale>
 #include <span>
-#include <sstream>
 #include <vector>
 
 #include "core/error.h"
+#include "core/exact_text.h"
 #include "core/io/checksum.h"
 #include "core/io/tensor_file.h"
 #include "core/ops/elementwise.h"
@@ -39,15 +38,11 @@ std::vector<Parameter> decoder_parameters(const Model& model) {
 }  // namespace
 
 std::string decoder_fingerprint(const Model& model) {
-    // Files must not depend on the locale of the program.
-    std::ostringstream sums;
-    sums.imbue(std::locale::classic());
+    std::string sums;
     for (const Parameter& parameter : decoder_parameters(model))
-        sums << parameter.name() << ' ' << crc32c(bytes_of(parameter.variable().value())) << '\n';
-    std::ostringstream fingerprint;
-    fingerprint.imbue(std::locale::classic());
-    fingerprint << std::hex << crc32c(sums.str());
-    return fingerprint.str();
+        sums += parameter.name() + ' ' +
+                exact_text(crc32c(bytes_of(parameter.variable().value()))) + '\n';
+    return hexadecimal(crc32c(sums));
 }
 
 WeightChanges WeightChanges::between(const Model& before, const Model& after) {

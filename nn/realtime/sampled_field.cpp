@@ -358,7 +358,8 @@ void SampledField::finish_ray(std::int64_t ray, const CameraSamples& samples, Sc
     map.opacities[index] = opacity;
     map.depths[index] = depth + (1.0F - opacity) * background_;
 
-    map.occupied[index] = opacity > 0.0F ? 1 : 0;
+    // One that is not a number is occupied, so that the frame is found not to be finite.
+    map.occupied[index] = opacity <= 0.0F ? 0 : 1;
     if (opacity <= 0.0F) return;
     // A weight that is too small is added to the next sample whose features are computed.
     const float least =

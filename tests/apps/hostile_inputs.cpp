@@ -82,6 +82,7 @@ void put_folders() {
     put_folder("camera_twice", "camera.json", R"({"focal":3,"focal":4})");
     put_folder("camera_nested", "camera.json", nested);
     put_folder("camera_negative", "camera.json", R"({"focal":-1})");
+    put_folder("camera_center", "camera.json", R"({"focal":2.03,"cx":2.5})");
     put_folder("camera_pixels", "camera.json", R"({"focal":1015})");
     put_folder("camera_text", "camera.json", "focal 3");
     put_folder("camera_key", "camera.json", R"({"fokal":3})");

@@ -207,11 +207,14 @@ TEST_CASE("Malformed folders of faces are refused, in one line that says why") {
         {folder + "camera_nested", 1,
          "bad/camera_nested/camera.json: nested deeper than 32 levels"},
         {folder + "camera_negative", 1,
-         "bad/camera_negative/camera.json: \"focal\" is -1: it must be positive, in units of the "
-         "image's side, at most 100"},
+         "bad/camera_negative/camera.json: \"focal\" is -1, in units of the image's side: it must "
+         "be in [0.1, 100]"},
+        {folder + "camera_center", 1,
+         "bad/camera_center/camera.json: \"cx\" is 2.5, in units of the image's side: it must be "
+         "in [-1, 2]"},
         {folder + "camera_pixels", 1,
-         "bad/camera_pixels/camera.json: \"focal\" is 1015: it must be positive, in units of the "
-         "image's side, at most 100"},
+         "bad/camera_pixels/camera.json: \"focal\" is 1015, in units of the image's side: it must "
+         "be in [0.1, 100]"},
         {folder + "camera_text", 1,
          "bad/camera_text/camera.json: not JSON: parse error at line 1..."},
         {folder + "camera_key", 1, "bad/camera_key/camera.json: unknown key \"fokal\" in the file"},

@@ -5,6 +5,7 @@
 #include "core/io/scratch_folder.h"
 #include "support/check_close.h"
 #include "support/error_message.h"
+#include "support/grouping_locale.h"
 #include "support/tiny_model.h"
 #include "train/checkpoint.h"
 
@@ -68,6 +69,20 @@ TEST_CASE("a checkpoint reads back as it was written", "[checkpoint]") {
     for (std::size_t i = 0; i < model.parameters().all().size(); ++i)
         CHECK(identical(model.parameters().all()[i].variable().value(),
                         other.parameters().all()[i].variable().value()));
+}
+
+TEST_CASE("a checkpoint that another locale wrote is read", "[checkpoint]") {
+    const ScratchFolder folder;
+    Model model = tiny_model(1);
+    model.set_validation_psnr(31.25);
+    {
+        const GroupingLocale locale;
+        write_checkpoint(folder / "c", model, some_checkpoint());
+    }
+    Model other = tiny_model(2);
+    CHECK(read_checkpoint(folder / "c", other, some_seed).state.step ==
+          some_checkpoint().state.step);
+    CHECK(Model::load(folder / "c" / "model.safetensors").validation_psnr() == 31.25);
 }
 
 TEST_CASE("a run's first checkpoint has no epochs and no score", "[checkpoint]") {

@@ -151,11 +151,16 @@ Intrinsics read_intrinsics(const std::filesystem::path& path) {
         intrinsics.focal = number_at(object, "focal", intrinsics.focal);
         intrinsics.center_x = number_at(object, "cx", intrinsics.center_x);
         intrinsics.center_y = number_at(object, "cy", intrinsics.center_y);
-        constexpr double largest_focal = 100.0;
-        if (!(intrinsics.focal > 0.0) || intrinsics.focal > largest_focal)
-            fail<FileError>("\"focal\" is ", intrinsics.focal,
-                            ": it must be positive, in units of the image's side, at most ",
-                            largest_focal);
+        // The ranges of a model's camera.
+        const auto require_between = [](const char* key, double value, double least, double most) {
+            if (!(value >= least && value <= most))
+                fail<FileError>('"', key, "\" is ", value,
+                                ", in units of the image's side: it must be ", "in [", least, ", ",
+                                most, "]");
+        };
+        require_between("focal", intrinsics.focal, 0.1, 100.0);
+        require_between("cx", intrinsics.center_x, -1.0, 2.0);
+        require_between("cy", intrinsics.center_y, -1.0, 2.0);
         return intrinsics;
     } catch (const FileError& error) {
         fail<FileError>(path.string(), ": ", error.what());

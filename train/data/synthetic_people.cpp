@@ -54,7 +54,7 @@ using synthetic::truncated_normal;
                 weights[static_cast<std::size_t>(found - names.begin())] =
                     static_cast<float>(weight);
             if (!both || (name[0] != 'L' && name[0] != 'R')) break;
-            std::ranges::replace(name, name[0], name[0] == 'L' ? 'R' : 'L');
+            name[0] = name[0] == 'L' ? 'R' : 'L';
         }
     };
     const std::int64_t count = rng.below(5);
@@ -84,8 +84,8 @@ using synthetic::truncated_normal;
     constexpr double pivot_depth = 0.65;
     Pose pose = pivot_pose(yaw, pitch, roll, distance, pivot_depth);
     const Eigen::Matrix3d rotation = rotation_from_angles(yaw, pitch, roll);
-    pose.translation += truncated_normal(rng, 0.02, 0.04) * rotation.col(0) +
-                        truncated_normal(rng, 0.02, 0.04) * rotation.col(1);
+    const double right = truncated_normal(rng, 0.02, 0.04), up = truncated_normal(rng, 0.02, 0.04);
+    pose.translation += right * rotation.col(0) + up * rotation.col(1);
     return pose;
 }
 

@@ -1,7 +1,5 @@
 #include <catch2/catch.hpp>
 #include <cmath>
-#include <locale>
-#include <memory>
 
 #include "core/error.h"
 #include "core/io/file.h"
@@ -9,6 +7,7 @@
 #include "core/ops/elementwise.h"
 #include "nn/models/weight_changes.h"
 #include "support/error_message.h"
+#include "support/grouping_locale.h"
 #include "support/tiny_model.h"
 
 using namespace stymo;
@@ -82,17 +81,10 @@ TEST_CASE("a file that holds no changes of weights is refused by its name", "[we
 
 TEST_CASE("the fingerprint of a decoder does not depend on the program's locale",
           "[weight_changes]") {
-    struct Grouping : std::numpunct<char> {
-        char do_thousands_sep() const override { return '.'; }
-        std::string do_grouping() const override { return "\3"; }
-    };
     const Model model = tiny_model();
     const std::string before = decoder_fingerprint(model);
-    const std::locale former =
-        std::locale::global(std::locale(std::locale(), std::make_unique<Grouping>().release()));
-    const std::string after = decoder_fingerprint(model);
-    std::locale::global(former);
-    CHECK(after == before);
+    const GroupingLocale locale;
+    CHECK(decoder_fingerprint(model) == before);
 }
 
 TEST_CASE("the fingerprint of a decoder changes with its weights, not with the encoder's",

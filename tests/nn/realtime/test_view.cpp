@@ -107,6 +107,9 @@ TEST_CASE("A frame that overflows is refused in every mode, not shown as black",
             CHECK(is_one_line(said));
         }
         CHECK_THAT(refusal_of(sound, mode, huge), Catch::Contains("not finite"));
+        Codes shape = codes;
+        shape.groups[0] = huge.groups[0];  // reaches the density alone
+        CHECK_THAT(refusal_of(sound, mode, shape), Catch::Contains("not finite"));
     }
     CHECK_THROWS_AS(decoded_view(sound, huge, 0, model_camera(sound, 0.1, 0.0, 0.0), {}),
                     NumericError);

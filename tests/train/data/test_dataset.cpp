@@ -404,7 +404,7 @@ TEST_CASE("a malformed line of faces.jsonl is refused with its number", "[datase
     fs::remove(folder / "faces.jsonl");
     write_file(folder / "camera.json", R"({"focal":0})");
     CHECK_THAT(line_of<FileError>([&] { open(folder); }),
-               Catch::Contains("camera.json") && Catch::Contains("positive"));
+               Catch::Contains("camera.json") && Catch::Contains("in [0.1, 100]"));
 }
 
 TEST_CASE("the split is by order of id, from the first or from the last", "[dataset]") {
