@@ -269,6 +269,17 @@ private:
     std::array<std::vector<std::size_t>, 3> rigid_;  ///< vertices that keep their shape
 };
 
+/// Throws ValueError unless most of the face in a frontal view has a depth.
+void require_surface(const SeenFace& frontal) {
+    const FaceSquare face = square_around(mean_face_landmarks(frontal.camera, 1));
+    double seen = 0.0;
+    for (const double u : {-0.4, 0.0, 0.4})
+        for (const double v : {-0.4, 0.0, 0.4})
+            seen += std::isfinite(depth_at(frontal.depth, face.point({u, v}))) ? 1.0 : 0.0;
+    if (seen < 5.0)
+        fail<ValueError>("this face has no surface: more than half of the light passes through it");
+}
+
 }  // namespace
 
 std::vector<SeenFace> surface_views(const Model& model, const Codes& codes, double largest_yaw,
@@ -292,17 +303,9 @@ std::vector<SeenFace> surface_views(const Model& model, const Codes& codes, doub
         View view = images.render(camera);
         views.push_back({camera, std::move(view.image), std::move(view.mask),
                          pixel_depth(depths, camera, rays, side)});
+        if (views.size() == 1) require_surface(views.front());
         if (observe)
             observe(static_cast<double>(views.size()) / static_cast<double>(cameras.size()));
-        if (views.size() > 1) continue;
-        const FaceSquare face = square_around(mean_face_landmarks(camera, 1));
-        double seen = 0.0;
-        for (const double u : {-0.4, 0.0, 0.4})
-            for (const double v : {-0.4, 0.0, 0.4})
-                seen += std::isfinite(depth_at(views[0].depth, face.point({u, v}))) ? 1.0 : 0.0;
-        if (seen < 5.0)
-            fail<ValueError>(
-                "this face has no surface: more than half of the light passes through it");
     }
     return views;
 }

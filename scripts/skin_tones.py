@@ -38,13 +38,16 @@ def main():
         sys.exit(__doc__)
     folder = pathlib.Path(sys.argv[2])
     score = sys.argv[3] if len(sys.argv) == 4 else "psnr"
-    groups = {name: [] for name, _ in CLASSES}
+    groups, stages = {name: [] for name, _ in CLASSES}, []
     for line in pathlib.Path(sys.argv[1]).read_text().splitlines():
         face = json.loads(line)
         photo = next((folder / "images").glob(face["id"] + ".*"))
         classes = numpy.asarray(Image.open(folder / "parsing" / (face["id"] + ".png")))
         image = Image.open(photo).convert("RGB").resize(classes.shape[::-1])
         skin = numpy.isin(classes, (SKIN, NOSE))
+        if not skin.any():
+            print(face["id"] + ": its parsing has no skin", file=sys.stderr)
+            continue
         angle = typology_angle(numpy.asarray(image)[skin] / 255.0)
         name = next(name for name, lowest in CLASSES if angle >= lowest)
         stages = [codes for codes in ("initial", "fitted", "tuned") if codes in face["head"]]

@@ -8,6 +8,7 @@
 #include <iostream>
 #include <map>
 #include <new>
+#include <set>
 #include <sstream>
 #include <type_traits>
 
@@ -54,6 +55,21 @@ CLI::Validator in_range(double low, double high) {
                                                            : text + " is not a number " + range;
     };
     return {problem, range.str()};
+}
+
+constexpr const char* unwritten_output =
+    "the result could not be written to the standard output; is the disk full?";
+
+/// Throws CLI::RequiresError for an option that was given without any of those it needs.
+void require_one_of(const CLI::App& app, const DeclaredOption& declared) {
+    const std::vector<std::string>& needed = declared.needs_one_of;
+    if (needed.empty() || std::ranges::any_of(needed, [&](const std::string& name) {
+            return app.get_option(name)->count() > 0;
+        }))
+        return;
+    std::string names;
+    for (const std::string& name : needed) names += (names.empty() ? "" : " or ") + name;
+    throw CLI::RequiresError(declared.option->get_name(), names);
 }
 
 /// The error message for a call without an existing command, for a tool that requires one.
@@ -139,6 +155,11 @@ OptionRules& OptionRules::excludes(const std::string& name) {
     return *this;
 }
 
+OptionRules& OptionRules::needs_one_of(std::vector<std::string> names) {
+    declared_.needs_one_of = std::move(names);
+    return *this;
+}
+
 OptionRules& OptionRules::file_or(const std::string& word) {
     declared_.value = [option = option_, word] {
         const std::string text =
@@ -154,7 +175,12 @@ OptionRules& OptionRules::keeps_results() {
 }
 
 Command::Command(CLI::App* app)
-    : app_(app), declared_(std::make_shared<std::deque<DeclaredOption>>()) {}
+    : app_(app), declared_(std::make_shared<std::deque<DeclaredOption>>()) {
+    app->parse_complete_callback([app, declared = declared_] {
+        for (const DeclaredOption& option : *declared)
+            if (option.option->count() > 0) require_one_of(*app, option);
+    });
+}
 
 OptionRules Command::declare(CLI::Option* option, std::function<JsonValue()> value) {
     return OptionRules(declared_->emplace_back(DeclaredOption{option, std::move(value)}));
@@ -240,6 +266,18 @@ OptionRules Command::flag(const std::string& name, bool& target, const std::stri
     return declare(app_->add_flag(name, target, help), [&target] { return JsonValue(target); });
 }
 
+namespace {
+
+/// The first option of the tool itself that stands beside a command and is none of the common ones;
+/// empty if there is none.
+std::string stray_option(const CLI::App& app, const std::set<const CLI::Option*>& common) {
+    for (const CLI::Option* const option : app.get_options())
+        if (option->count() > 0 && !common.contains(option)) return option->get_name();
+    return {};
+}
+
+}  // namespace
+
 struct CommandLine::Implementation {
     Implementation(const std::string& program, const std::string& description,
                    MatmulPrecision precision)
@@ -249,6 +287,7 @@ struct CommandLine::Implementation {
 
     CLI::App app;
     CommonOptions common;
+    std::set<const CLI::Option*> common_options;  ///< which commands have, too
     std::map<const CLI::App*, AppBody> bodies;
 };
 
@@ -258,7 +297,7 @@ CommandLine::CommandLine(const std::string& program, const std::string& descript
 
 CommandLine::CommandLine(std::unique_ptr<Implementation> implementation)
     : Command(&implementation->app), implementation_(std::move(implementation)) {
-    auto& [app, common, bodies] = *implementation_;
+    auto& [app, common, common_options, bodies] = *implementation_;
     app.set_help_flag("-h,--help", "print this help");
     app.set_version_flag(
         "--version", [name = app.get_name()] { return version_text(name); },
@@ -277,6 +316,8 @@ CommandLine::CommandLine(std::unique_ptr<Implementation> implementation)
          "print on stderr which networks were made, which losses were evaluated, and counts of the "
          "work done; also in --json")
         .keeps_results();
+    const std::vector<CLI::Option*> options = app.get_options();
+    common_options.insert(options.begin(), options.end());
     app.fallthrough();  // common options may stand behind a command's name
 }
 
@@ -297,7 +338,7 @@ int CommandLine::run(int argc, const char* const* argv, const AppBody& body) {
 
 int CommandLine::run(int argc, const char* const* argv, const AppBody& body, std::ostream& out,
                      std::ostream& err) {
-    auto& [app, common, bodies] = *implementation_;
+    auto& [app, common, common_options, bodies] = *implementation_;
     const auto report = [&err, &name = app.get_name()](const std::string& message) {
         err << name << ": " << one_line(message) << "\n";
     };
@@ -310,7 +351,10 @@ int CommandLine::run(int argc, const char* const* argv, const AppBody& body, std
         app.parse(argc, argv);
     } catch (const CLI::Success& request) {
         app.exit(request, out, err);
-        return exit_done;
+        out.flush();
+        if (out) return exit_done;
+        report(unwritten_output);
+        return exit_failed;
     } catch (const CLI::RequiredError& error) {
         const bool lacks_command = !body && app.get_subcommands().empty();
         report((lacks_command ? missing_command(app, argc, argv) : error.what()) + "; see " +
@@ -320,6 +364,13 @@ int CommandLine::run(int argc, const char* const* argv, const AppBody& body, std
         report(std::string(error.what()) + "; see " + app.get_name() + " --help");
         return exit_wrong_usage;
     }
+    const auto commands = app.get_subcommands();
+    if (const std::string stray = commands.empty() ? "" : stray_option(app, common_options);
+        !stray.empty()) {
+        report(stray + " is no option of " + app.get_name() + " " + commands.front()->get_name() +
+               "; see " + app.get_name() + " " + commands.front()->get_name() + " --help");
+        return exit_wrong_usage;
+    }
     try {
         set_thread_count(common.threads);
         const MatmulPrecision precision = matmul_precision_of(common.matmul_precision);
@@ -327,7 +378,6 @@ int CommandLine::run(int argc, const char* const* argv, const AppBody& body, std
         if (app.count("--matmul-precision") > 0 && computed_precision(precision) != precision)
             report("warning: this processor has no instructions for --matmul-precision " +
                    common.matmul_precision + ", which computes in float32");
-        const auto commands = app.get_subcommands();
         const AppBody& chosen = commands.empty() ? body : bodies.at(commands.front());
         const auto work = [&] { return chosen(common); };
         const AppResult result = common.explain ? explained(work, err) : work();
@@ -337,9 +387,7 @@ int CommandLine::run(int argc, const char* const* argv, const AppBody& body, std
             out << result.text << (result.text.back() == '\n' ? "" : "\n");
         }
         out.flush();
-        if (!out)
-            fail<FileError>(
-                "the result could not be written to the standard output; is the disk full?");
+        if (!out) fail<FileError>(unwritten_output);
         if (result.incomplete.empty()) return exit_done;
         report(result.incomplete);
     } catch (const UsageError& error) {

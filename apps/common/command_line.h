@@ -58,6 +58,7 @@ struct DeclaredOption {
     CLI::Option* option = nullptr;
     std::function<JsonValue()> value;
     bool keeps_results = false;
+    std::vector<std::string> needs_one_of{};
 };
 
 /// Refinements of an option that was just declared; may be chained.
@@ -73,6 +74,8 @@ public:
     /// The option requires, or excludes, the option `name`, which must have been declared already.
     OptionRules& needs(const std::string& name);
     OptionRules& excludes(const std::string& name);
+    /// The option has no effect without at least one of these.
+    OptionRules& needs_one_of(std::vector<std::string> names);
     /// The text names a file unless it is `word`.
     OptionRules& file_or(const std::string& word);
     /// The result is the same whatever the value, so the option is not one of Command::settings.

@@ -64,6 +64,7 @@ void declare_codes(Command& command, FitToolOptions& options) {
 }
 
 void declare_tuning(Command& command, TuningOptions& tuning) {
+    const std::vector<std::string> limits{"--tune", "--tune-steps"};
     command
         .option("--tune", tuning.seconds,
                 "also tune the decoder to the fitted face for so many seconds; the other "
@@ -77,22 +78,27 @@ void declare_tuning(Command& command, TuningOptions& tuning) {
         .option("--tune-learning-rate", tuning.learning_rate,
                 "highest learning rate of tuning, that of the render blocks; the field's is a "
                 "tenth of it. 0: by the number of steps, 0.09 for 100 and more")
-        .range(0, 1);
+        .range(0, 1)
+        .needs_one_of(limits);
     command
         .option("--tune-perceptual", tuning.weights.perceptual,
                 "factor on --perceptual-weight while tuning")
-        .range(0, 1e6);
+        .range(0, 1e6)
+        .needs_one_of(limits);
     command.option("--tune-depth", tuning.weights.depth, "--depth-weight while tuning")
-        .range(0, 1e6);
+        .range(0, 1e6)
+        .needs_one_of(limits);
     command
         .option("--tune-identity", tuning.weights.identity,
                 "--identity-weight while tuning, of the face seen from a side")
-        .range(0, 1e6);
+        .range(0, 1e6)
+        .needs_one_of(limits);
     command
         .option("--locality", tuning.weights.locality,
                 "weight of the term that keeps other faces and other views as they were while "
                 "tuning")
-        .range(0, 1e6);
+        .range(0, 1e6)
+        .needs_one_of(limits);
 }
 
 }  // namespace
@@ -170,8 +176,9 @@ std::function<void(const char*, std::int64_t, std::int64_t)> video_progress() {
 }
 
 std::string text_of(const FilmSummary& summary) {
-    return text_from(summary.frames, " frames, ", summary.found, " with the face, in ",
-                     summary.starts, summary.starts == 1 ? " shot, " : " shots, ", summary.cuts,
+    return text_from(summary.frames, summary.frames == 1 ? " frame, " : " frames, ", summary.found,
+                     " with the face, in ", summary.starts,
+                     summary.starts == 1 ? " shot, " : " shots, ", summary.cuts,
                      summary.cuts == 1 ? " cut; " : " cuts; ", decimal(rate_of(summary), 2),
                      " frames a second");
 }

@@ -12,10 +12,9 @@
 namespace stymo {
 namespace {
 
-/// The face stays in the middle of the image, from where the whole head is seen.
+/// The whole head, as it turns around its middle.
 Camera film_camera(const Model& model, double yaw, double pitch, double roll) {
-    const CameraConfig& camera = model.config().camera;
-    return turned_camera(camera, camera.pivot_depth, yaw, pitch, roll, whole_head_distance);
+    return turned_camera(model.config().camera, head_middle, yaw, pitch, roll, whole_head_distance);
 }
 
 /// A renderer for the face from the sides that a film may show.

@@ -22,6 +22,7 @@
 #include "nn/models/code_file.h"
 #include "nn/models/display_image.h"
 #include "nn/realtime/view.h"
+#include "render/soft_edge.h"
 
 namespace stymo {
 
@@ -188,12 +189,17 @@ AppResult color(ColorOptions options) {
     progress.finish();
 
     AppResult result = report_of(options, edit, regions, seconds);
+    const View changed =
+        render_view(model, edit.codes, 0, camera,
+                    {.samples_per_ray = options.edit.samples_per_ray, .mask = true});
+    const Tensor before = with_soft_edge(edit.before, view.mask),
+                 after = with_soft_edge(edit.after, changed.mask);
     write_image(options.out / "color.png",
-                tile_images({with_patch(edit.before, mean_color(edit.before, regions.part)),
+                tile_images({with_patch(before, mean_color(edit.before, regions.part)),
                              with_patch(masked_image(edit.before, regions.part), target),
-                             with_patch(edit.after, mean_color(edit.after, regions.part))},
+                             with_patch(after, mean_color(edit.after, regions.part))},
                             3));
-    write_image(options.out / "render.png", edit.after);
+    write_image(options.out / "render.png", after);
     write_code_file(options.out / "codes.json", edit.codes, 0, face.pose, face.model);
     write_file(options.out / "report.json", result.json.text() + "\n", Durability::none);
     const std::int64_t steps = std::ssize(edit.losses);

@@ -14,6 +14,7 @@
 #include "fit/edit/style_mix.h"
 #include "nn/models/code_file.h"
 #include "nn/realtime/view.h"
+#include "render/soft_edge.h"
 
 namespace stymo {
 
@@ -83,7 +84,8 @@ AppResult mix_two(const Model& model, const MixOptions& options, const CodeFile&
     const Codes mixed = mix_codes(target.codes, source.codes, taken);
     const Camera camera = camera_from_pose(target.pose, model.config().camera.intrinsics);
     const auto shown = [&](const Codes& codes) {
-        return render_view(model, codes, 0, camera, view).image;
+        const View seen = render_view(model, codes, 0, camera, view);
+        return with_soft_edge(seen.image, seen.mask);
     };
     const Tensor before = shown(target.codes);
     const Tensor after = shown(mixed);
@@ -128,7 +130,8 @@ AppResult mix(MixOptions options, std::uint64_t seed) {
         require_not_read(options.out / "codes.json", {files.begin(), files.end()});
     const Model model = load_model(options.model, ModelParts::decoder);
     const ViewOptions view{.samples_per_ray = options.samples.value_or(
-                               model.config().reconstruction.fit_samples_per_ray)};
+                               model.config().reconstruction.fit_samples_per_ray),
+                           .mask = true};
     const std::string mark = model_mark(options.model);
     std::vector<CodeFile> sources = faces_of(options.sources, mark);
     add_sampled(model, options, sources, seed);

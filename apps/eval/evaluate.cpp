@@ -184,11 +184,13 @@ std::optional<ComparedFace> photo_of_another(const FitJob& job, const Dataset& f
         return entry == nullptr ? std::string() : entry->origin.person;
     };
     const std::string person = person_of(index);
+    EvaluationOptions whole = options;
+    whole.regions = {Region::head};  // the part of a face that networks see
     for (std::int64_t step = 1; step < faces.size(); ++step) {
         const std::int64_t other = (index + step) % faces.size();
         if (!person.empty() && person_of(other) == person) continue;
         try {
-            return compared_face(job.model(), faces, other, options);
+            return compared_face(job.model(), faces, other, whole);
         } catch (const Error&) {
             continue;  // reported where this photo itself is scored
         }

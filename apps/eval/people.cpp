@@ -90,6 +90,8 @@ PeopleScore people_score(const Rows& codes, const std::vector<std::string>& peop
         const bool is_apart = likeness.least_same > likeness.most_other;
         apart[people[i]] = is_apart && (!apart.contains(people[i]) || apart[people[i]]);
     }
+    if (score.people == 1 && score.photos == std::ssize(rows))
+        fail<ValueError>("all photos show one person: there is nobody else to compare with");
     score.nearest /= static_cast<double>(score.photos);
     score.apart = static_cast<double>(std::ranges::count_if(
                       apart, [](const auto& entry) { return entry.second; })) /

@@ -5,6 +5,7 @@
 #include <iomanip>
 #include <iterator>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <sstream>
 
 #include "apps/common/fit_options.h"
@@ -58,7 +59,7 @@ std::string Fitting::doubt_of(const FitReport& report) const {
     if (psnr >= usual - far_below) return {};
     text << ", far below what photos usually reach with this model (its first guesses of held-out "
             "photos: "
-         << usual << " dB); look at fit.png and overlay.png";
+         << usual << " dB); look at fit.png";
     return text.str();
 }
 
@@ -168,8 +169,20 @@ AppResult FolderFit::lead() {
     return result(seconds_now() - start, stopped);
 }
 
+std::vector<std::string> FolderFit::gone() const {
+    const std::set<std::string> here(names_.begin(), names_.end());
+    std::vector<std::string> gone;
+    for (const std::string& photo : results_.photos())
+        if (!here.contains(photo) && results_.read(photo, failure_in).empty())
+            gone.push_back(photo);
+    return gone;
+}
+
 AppResult FolderFit::result(double seconds, bool stopped) {
-    results_.join(names_);
+    std::vector<std::string> kept = names_;
+    const std::vector<std::string> gone = this->gone();
+    kept.insert(kept.end(), gone.begin(), gone.end());
+    results_.join(kept);
     std::vector<JsonValue> failed;
     std::ostringstream text;
     std::string first;
@@ -189,7 +202,10 @@ AppResult FolderFit::result(double seconds, bool stopped) {
     const std::int64_t before = found - std::ssize(waiting_);
     const double a_minute = 60.0 * static_cast<double>(done - before) / std::max(seconds, 1e-9);
     if (!stopped && fitted == 0) {
-        results_.remove();
+        if (gone.empty()) {
+            std::filesystem::remove(results_.path() / "report.json");
+            results_.remove();
+        }
         fail<FileError>(photos_.string(), ": none of its ", found,
                         " photos can be used; the first: ", first);
     }

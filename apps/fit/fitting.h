@@ -62,6 +62,8 @@ private:
     /// Returns false if a signal arrived before the photo was finished.
     bool fit_photo(const FaceFiles& files);
     [[nodiscard]] AppResult result(double seconds, bool stopped);
+    /// Photos that earlier runs have fitted and that are no longer in the folder.
+    [[nodiscard]] std::vector<std::string> gone() const;
 
     const Fitting& fitting_;
     std::filesystem::path photos_;

@@ -43,14 +43,16 @@ void write_metrics(std::ostream& stream, const char* name, const stymo::ImageMet
            << '\n';
 }
 
-std::string summary(const stymo::FitReport& report, double seconds) {
+std::string summary(const stymo::FitReport& report, const stymo::FittedFaces& done) {
     std::ostringstream text;
     text << "                L1" << (report.lpips_network.empty() ? "" : "    LPIPS")
          << "     SSIM  PSNR dB\n";
     write_metrics(text, "initial", report.initial_metrics);
     write_metrics(text, "fitted", report.fitted_metrics);
     if (report.tuned.defined()) write_metrics(text, "tuned", report.tuned_metrics);
-    text << std::setprecision(1) << seconds << " s\n";
+    text << std::setprecision(1) << "fitting " << done.fit_seconds << " s";
+    if (report.tuned.defined()) text << ", tuning " << done.tuning.seconds << " s";
+    text << '\n';
     if (!report.lpips_network.empty()) text << "LPIPS: " << report.lpips_network << '\n';
     return text.str();
 }
@@ -107,9 +109,15 @@ struct Faces {
 void require_inputs_kept(const Options& options) {
     std::vector<std::filesystem::path> inputs{options.face.images.begin(),
                                               options.face.images.end()};
-    inputs.insert(inputs.end(), {options.face.mask, options.face.ignore});
-    for (const char* name : {"aligned.png", "overlay.png", "fit.png", "render.png"})
-        stymo::require_not_read(options.out / name, inputs);
+    inputs.insert(inputs.end(), {options.face.mask, options.face.ignore, options.face.pose});
+    std::vector<std::filesystem::path> folders{options.out};
+    if (options.face.images.size() > 1)
+        for (const std::string& image : options.face.images)
+            folders.push_back(options.out / std::filesystem::path(image).stem());
+    for (const std::filesystem::path& folder : folders)
+        for (const char* name :
+             {"aligned.png", "overlay.png", "fit.png", "render.png", "codes.json", "report.json"})
+            stymo::require_not_read(folder / name, inputs);
     stymo::require_not_read(options.out, {options.face.data});
 }
 
@@ -193,7 +201,7 @@ stymo::AppResult reports(const stymo::Fitting& fitting, const Faces& photos,
         output.write_report(i, report, json);
         all.push_back(std::move(json));
         if (photos.faces.size() > 1) result.text += photos.faces[i].id + "\n";
-        result.text += summary(report, done.fit_seconds);
+        result.text += summary(report, done);
     }
     result.json = all.size() == 1 ? all.front() : stymo::JsonValue::object({{"photos", all}});
     result.incomplete = done.incomplete;
@@ -308,7 +316,8 @@ int stymo_fit(int argc, char** argv) {
         .excludes("--mask");
     line.option("--data", options.face.data,
                 "folder of faces in the FFHQ format with the photo, its mask and its pose")
-        .excludes("--video");
+        .excludes("--video")
+        .excludes("--image");
     line.option("--id", options.face.id, "id of the photo in --data").needs("--data");
     line.option("--face", options.fit.job.preparation.face,
                 "which face of the photo, counted from the left; 0: the clearest")
@@ -326,7 +335,9 @@ int stymo_fit(int argc, char** argv) {
         .keeps_results();
     stymo::declare_preparation_files(line, options.fit.job.preparation);
     stymo::declare_fit(line, options.fit);
-    line.refine("--steps").excludes("--video");
+    for (const char* name : {"--steps", "--depth-weight", "--tune-learning-rate",
+                             "--tune-perceptual", "--tune-depth", "--tune-identity", "--locality"})
+        line.refine(name).excludes("--video");
     stymo::declare_video(line, options.video_fit);
     stymo::declare_film(line, options.frames);
     stymo::declare_perceptual_weight(line, options.lpips);

@@ -140,7 +140,9 @@ std::optional<PrepareReport> write_data_set(const FolderPreparation& folders,
     report.left_out = left_out;
     if (report.ok == 0 && !complete) return std::nullopt;
     if (report.ok == 0) {
-        for (const char* name : {"images", "masks", "unknown"}) fs::remove_all(folders.out / name);
+        for (const char* name :
+             {"images", "masks", "unknown", "faces.jsonl", "camera.json", "report.json"})
+            fs::remove_all(folders.out / name);
         notes.remove();
         fail<FileError>(folders.photos.string(), ": none of its ", report.found,
                         " photos can be used; the first: ", report.failed.front().file, ": ",

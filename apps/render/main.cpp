@@ -22,8 +22,12 @@ void require_names(const stymo::RenderOptions& options) {
         stymo::fail<stymo::UsageError>("--take requires --to or --sample");
     if (!options.mesh.empty()) stymo::require_extension(options.mesh, {".ply"});
     if (options.cutout && options.sample == 0 && options.out.extension() != ".png")
-        stymo::fail<stymo::UsageError>("--cutout needs a .png file as --out; ",
-                                       options.out.string(), " has no soft transparency");
+        stymo::fail<stymo::UsageError>(
+            "--cutout needs a .png file as --out",
+            options.out.empty() ? "" : "; " + options.out.string() + " has no soft transparency");
+    if (options.sample > 0 && !options.codes.empty() && options.take.empty())
+        stymo::fail<stymo::UsageError>(
+            "--sample changes all groups of --codes: name those to change with --take");
     if (options.sample > 0 || options.out.empty()) return;
     if (options.orbit > 0) {
         stymo::require_extension(options.out, {".gif", ".webp", ".mp4"});
@@ -93,9 +97,10 @@ void declare_view(stymo::Command& line, stymo::RenderOptions& options) {
     line.option("--yaw", options.yaw,
                 "degrees; positive yaw turns the face to the image's left. Without any angle the "
                 "pose of --codes is used")
-        .range(-180, 180);
-    line.option("--pitch", options.pitch, "degrees").range(-180, 180);
-    line.option("--roll", options.roll, "degrees").range(-180, 180);
+        .range(-180, 180)
+        .needs("--out");
+    line.option("--pitch", options.pitch, "degrees").range(-180, 180).needs("--out");
+    line.option("--roll", options.roll, "degrees").range(-180, 180).needs("--out");
     line.option(
             "--distance", options.distance,
             "distance of the camera, as a multiple of that of photos. Default: 1.15, which also "
@@ -149,7 +154,8 @@ void declare_jobs(stymo::Command& line, stymo::RenderOptions& options) {
         .range(0, 90)
         .needs("--orbit");
     line.option("--fps", options.frames_per_second, "frames per second of an animation")
-        .range(1, 240);
+        .range(1, 240)
+        .needs_one_of({"--orbit", "--to"});
     line.option("--to", options.to,
                 "codes.json of another face: interpolates to it, as a strip or as an animation "
                 "there and back")

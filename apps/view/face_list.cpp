@@ -86,6 +86,12 @@ ListedFace FaceList::find(const std::string& id) const {
     return found->second;
 }
 
+bool FaceList::contains(const std::string& id) const {
+    const std::lock_guard lock(mutex_);
+    return std::ranges::find(faces_, id, &std::pair<std::string, ListedFace>::first) !=
+           faces_.end();
+}
+
 void FaceList::replace(const std::string& id, ListedFace face) {
     const std::lock_guard lock(mutex_);
     const auto found = std::ranges::find(faces_, id, &std::pair<std::string, ListedFace>::first);

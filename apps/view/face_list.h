@@ -58,6 +58,7 @@ public:
     [[nodiscard]] std::string add(ListedFace face);
     /// Throws ValueError for an unknown id.
     [[nodiscard]] ListedFace find(const std::string& id) const;
+    [[nodiscard]] bool contains(const std::string& id) const;
     /// Replaces a face, for example during its fit. Throws ValueError for an unknown id, and if
     /// there is no room for the new model; then the old face stays.
     void replace(const std::string& id, ListedFace face);

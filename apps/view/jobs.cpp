@@ -105,7 +105,7 @@ public:
     void show_tuned(Model tuned) {
         face_.model = std::make_shared<const Model>(std::move(tuned));
         face_.tuned = true;
-        faces_.replace(id_, face_);
+        replace();
     }
     /// Removes the face if the fit has not ended.
     void give_up() {
@@ -115,7 +115,14 @@ public:
 private:
     void show(Codes codes) {
         face_.face.codes = std::move(codes);
-        faces_.replace(id_, face_);
+        replace();
+    }
+    /// Who removes a face while it is fitted does not want the fit any more.
+    void replace() {
+        if (faces_.contains(id_))
+            faces_.replace(id_, face_);
+        else
+            job_.cancel();
     }
 
     FaceList& faces_;

@@ -7,7 +7,10 @@ extern "C" {
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <cmath>
+#include <cstring>
+#include <fstream>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
@@ -163,6 +166,7 @@ struct FilmReader::State {
 
 FilmReader::FilmReader(const fs::path& path, int most_side)
     : state_(std::make_unique<State>(State{path, most_side, {}, {}})) {
+    if (fs::is_directory(path)) fail<FileError>(path.string(), ": is a folder, not a film");
     if (!fs::is_regular_file(path)) fail<FileError>(path.string(), ": no such file");
     silence_ffmpeg();
     // A file with the name of a picture opens without a look at its contents.
@@ -209,6 +213,8 @@ FilmWriter::FilmWriter(const fs::path& path, const fs::path& file, std::int64_t 
                        std::int64_t width, double frames_per_second)
     : state_(std::make_unique<State>(
           State{path, file, static_cast<int>(height), static_cast<int>(width), {}, {}})) {
+    if (const std::ofstream probe(file, std::ios::binary); !probe)
+        fail<FileError>(path.string(), ": cannot be written (", std::strerror(errno), ")");
     silence_ffmpeg();
     state_->size = {state_->width + state_->width % 2, state_->height + state_->height % 2};
     state_->writer.open(file.string(), cv::CAP_FFMPEG, cv::VideoWriter::fourcc('a', 'v', 'c', '1'),

@@ -68,6 +68,12 @@ double require_float(double number, std::string_view key) {
     return number;
 }
 
+std::string plain_message(const std::exception& error) {
+    const std::string message = error.what();
+    const std::size_t end = message.find("] ");
+    return end == std::string::npos ? message : message.substr(end + 2);
+}
+
 bool is_utf8(std::string_view text) {
     try {
         static_cast<void>(nlohmann::json(text).dump());

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <exception>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -19,6 +20,9 @@ void require_sound_json(std::string_view text);
 
 /// Returns the number of this key. Throws FileError if it is larger than float32 holds.
 double require_float(double number, std::string_view key);  // NOLINT(modernize-use-nodiscard)
+
+/// What nlohmann::json's exceptions say, without their number.
+[[nodiscard]] std::string plain_message(const std::exception& error);
 
 /// Whether JSON can hold the text as it is.
 [[nodiscard]] bool is_utf8(std::string_view text);

@@ -8,6 +8,7 @@
 #include "core/io/image.h"
 #include "core/ops/ops.h"
 #include "nn/realtime/view.h"
+#include "render/soft_edge.h"
 
 namespace stymo {
 
@@ -17,7 +18,9 @@ namespace {
 Tensor shown(const Model& model, const Codes& codes, const Pose& pose,
              std::int64_t samples_per_ray) {
     const Camera camera = camera_from_pose(pose, model.config().camera.intrinsics);
-    return render_view(model, codes, 0, camera, {.samples_per_ray = samples_per_ray}).image;
+    const View seen =
+        render_view(model, codes, 0, camera, {.samples_per_ray = samples_per_ray, .mask = true});
+    return with_soft_edge(seen.image, seen.mask);
 }
 
 constexpr std::size_t groups = code_names.size();

@@ -39,9 +39,9 @@ std::vector<std::string> photo_warnings(const PhotoFindings& findings) {
     std::vector<std::string> warnings;
     if (findings.faces > 1)
         warnings.push_back(line(findings.faces,
-                                " faces were found and the clearest one is used; stymo-fit --face "
-                                "N, or Face in the viewer, "
-                                "takes another one, counted from the left"));
+                                " faces were found and the clearest one is used; take another one "
+                                "with stymo-fit --face N, counted from the left, or Face in the "
+                                "viewer, or all with stymo-prep --all-faces"));
     if (findings.quarter_turns != 0)
         warnings.push_back(line("the face did not stand upright; the photo was turned by ",
                                 90 * findings.quarter_turns, " degrees clockwise"));
@@ -67,7 +67,8 @@ std::vector<std::string> photo_warnings(const PhotoFindings& findings) {
                  " percent of the image's side; the pose may be wrong, look at the overlay"));
     const PhotoLook& look = findings.look;
     constexpr const char* ignore =
-        "; if something covers them, leave it out with --ignore, or Covered in the viewer";
+        "; if something covers them, leave it out with stymo-fit --ignore, or Covered in the "
+        "viewer";
     if (look.covers.mouth > surely_covered || look.mouth_in_mask < in_head)
         warnings.push_back(line("mouth and chin do not look like the rest of the face", ignore));
     if (look.covers.eyes > surely_covered || look.eyes_in_mask < in_head)

@@ -75,7 +75,9 @@ public:
         for (std::int64_t i = 0; i < rows; ++i) {
             FilmFrame& frame = frames[static_cast<std::size_t>(i)].frame;
             frame.codes = codes_of_face(result.fitted, i);
+            const double roll_of_crop = frame.roll - frame.pose.roll;
             frame.pose = pose_from_camera(result.cameras[static_cast<std::size_t>(i)]);
+            frame.roll = frame.pose.roll + roll_of_crop;
             for (const auto& [name, value] : result.terms)
                 if (name == "photometric") frame.loss = value;
         }

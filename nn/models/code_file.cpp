@@ -56,8 +56,13 @@ JsonValue row(const Tensor& values, std::int64_t index) {
 
 Json parsed(const std::string& text, const std::string& source) {
     if (const auto fault = json_fault(text)) fail<FileError>(source, ": ", *fault);
-    Json json = Json::parse(text, nullptr, false);
-    if (json.is_discarded()) fail<FileError>(source, ": not JSON");
+    Json json;
+    try {
+        json = Json::parse(text);
+    } catch (const Json::exception& error) {
+        const std::string message = plain_message(error);  // "parse error at line 1, column 2: ..."
+        fail<FileError>(source, ": not JSON: ", message.substr(0, message.find(':')));
+    }
     return json;
 }
 

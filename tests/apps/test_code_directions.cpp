@@ -50,6 +50,28 @@ TEST_CASE("the leading direction of a group is the one along which its faces dif
     CHECK(length(directions[3].directions.front()) == Approx(1.0));
 }
 
+TEST_CASE("the directions of the shipped model are named by what they change", "[slow]") {
+    const Model model = Model::load(STYMO_SOURCE_DIR "/configs/models/faces-256/model.safetensors");
+    REQUIRE(model.code_statistics());
+    const auto directions = leading_directions(*model.code_statistics(), 5);
+    int pictures = 0;
+    const auto names =
+        direction_names(model, directions,
+                        read_landmark_model(STYMO_SOURCE_DIR "/configs/models/landmarks/"
+                                                             "landmarks.safetensors"),
+                        [&] { ++pictures; });
+    CHECK(pictures == 41);  // two for each of 20, and the mean face
+    bool opens = false;
+    for (std::size_t group = 0; group < names.size(); ++group) {
+        REQUIRE(names[group].size() == directions[group].directions.size());
+        for (const EndNames& ends : names[group]) {
+            CHECK(ends.more.empty() == ends.less.empty());
+            opens = opens || ends.more == "mouth open" || ends.less == "mouth open";
+        }
+    }
+    CHECK(opens);
+}
+
 TEST_CASE("codes move along the directions by standard deviations") {
     const auto directions =
         leading_directions(CodeStatistics::of(faces_along(std::vector{-1.0, 0.0, 1.0})), 5);

@@ -111,6 +111,30 @@ TEST_CASE("Folders that cannot be fitted are refused, and nothing is written") {
             "none of its 1 photos can be used; the first: broken.png: not an image");
 }
 
+TEST_CASE("What was fitted stays when photos are taken out of the folder") {
+    if (!can_run()) return;
+    const fs::path album = tiny_run() / "album";
+    fs::create_directory(album);
+    const std::string command = "stymo-fit --images album --out album_fit" + model;
+    fs::copy(tiny_run() / "portraits/00000.png", album / "00000.png");
+    REQUIRE(run_tool(tiny_run(), command).exit_code == 0);
+    const std::string first = bytes("album_fit/faces.jsonl");
+
+    fs::remove(album / "00000.png");
+    fs::copy(tiny_run() / "portraits/broken.png", album / "broken.png");
+    const ToolOutcome unusable = run_tool(tiny_run(), command);
+    CHECK(unusable.exit_code == 1);
+    CHECK_THAT(unusable.err, Catch::Contains("none of its 1 photos can be used"));
+    CHECK_THAT(bytes("album_fit/faces.jsonl"), Catch::EndsWith(first));
+
+    fs::copy(tiny_run() / "portraits/00001.png", album / "00001.png");
+    const ToolOutcome more = run_tool(tiny_run(), command);
+    INFO(more.err);
+    CHECK(more.exit_code == 0);
+    CHECK_THAT(bytes("album_fit/faces.jsonl"), Catch::EndsWith(first));
+    CHECK(stymo::line_count(bytes("album_fit/faces.jsonl")) == 3);
+}
+
 TEST_CASE("Two ranks write the files of one process, and one that is killed loses no photo",
           "[slow]") {
     if (!stymo::can_start_ranks()) return;

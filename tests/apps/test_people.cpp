@@ -38,6 +38,7 @@ TEST_CASE("Codes that tell people apart have a score of one, and a wrong name is
     CHECK(mixed.doubtful.front() == std::pair<std::size_t, std::size_t>{3, 2});
 
     CHECK_THROWS_AS(people_score(codes, {"a", "b", "c", "d", "", ""}), ValueError);
+    CHECK_THROWS_AS(people_score({{9, 0}, {8, 1}}, {"a", "a"}), ValueError);  // of one person
 }
 
 TEST_CASE("stymo-eval people reads the names of a folder") {

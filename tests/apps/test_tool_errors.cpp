@@ -138,6 +138,19 @@ TEST_CASE("Wrong usage of a tool exits with 2") {
         {"stymo-eval people --model run/model.safetensors", "--data"},
         {"stymo-prep --photos faces --out out --focal 4 --pose-net none.onnx", "--focal"},
         {fit + "--image faces/images/00000.png --image run/00000.png", "two photos"},
+        {fit + "--image faces/images/00000.png --as-is --locality 2",
+         "--locality requires --tune or --tune-steps"},
+        {fit + "--video film.avi --depth-weight 1", "--video"},
+        {"stymo-fit --model run/model.safetensors --image faces/images/00000.png --pose "
+         "fit/codes.json --out fit",
+         "which is read"},
+        {"stymo-eval people --data faces --split test", "--split is no option of stymo-eval people"},
+        {"stymo-eval people --data faces --region face", "--region is no option"},
+        {"stymo-prep --focal 4 pose --yaw 10", "--focal is no option of stymo-prep pose"},
+        {render + "--out out.png --fps 5", "--fps requires --orbit or --to"},
+        {render + "--mesh out.ply --yaw 5", "--out"},
+        {render + "--mesh out.ply --cutout", "--cutout needs a .png file as --out"},
+        {render + "--sample 2 --out out", "--take"},
     };
     check_refused(calls, wrong_usage);
 }

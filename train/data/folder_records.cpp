@@ -27,12 +27,6 @@ void require_keys(const Json& object, const char* what,
             fail<FileError>("unknown key \"", member.key(), "\" in ", what);
 }
 
-std::string plain_message(const Json::exception& error) {
-    const std::string message = error.what();
-    const std::size_t end = message.find("] ");
-    return end == std::string::npos ? message : message.substr(end + 2);
-}
-
 double number_at(const Json& object, const char* key, double absent) {
     const auto found = object.find(key);
     if (found == object.end()) return absent;
