@@ -144,7 +144,8 @@ TEST_CASE("Wrong usage of a tool exits with 2") {
         {"stymo-fit --model run/model.safetensors --image faces/images/00000.png --pose "
          "fit/codes.json --out fit",
          "which is read"},
-        {"stymo-eval people --data faces --split test", "--split is no option of stymo-eval people"},
+        {"stymo-eval people --data faces --split test",
+         "--split is no option of stymo-eval people"},
         {"stymo-eval people --data faces --region face", "--region is no option"},
         {"stymo-prep --focal 4 pose --yaw 10", "--focal is no option of stymo-prep pose"},
         {render + "--out out.png --fps 5", "--fps requires --orbit or --to"},
