@@ -42,6 +42,22 @@ LocalColor local_color(const cv::Mat& image, const cv::Mat& selected, int window
     return result;
 }
 
+/// Whether what is around may be the head's skin in less light, in [0, 1]: the shadow of a chin on
+/// the neck is no edge.
+float shaded_skin(const cv::Vec3f& head, const cv::Vec3f& around) {
+    constexpr float least_light = 1e-3F;
+    const float head_light = std::max(head[0] + head[1] + head[2], least_light),
+                light = std::max(around[0] + around[1] + around[2], least_light);
+    const cv::Vec3f head_hue = head / head_light, hue = around / light;
+    constexpr float least_red = 0.03F;  // more red than blue; 0 is grey
+    constexpr float same_hue = 0.03F, other_hue = 0.08F, brighter = 1.15F;
+    const float red = std::min(head_hue[0] - head_hue[2], hue[0] - hue[2]);
+    const auto distance = static_cast<float>(cv::norm(head_hue - hue));
+    const auto share = [](float x) { return std::clamp(x, 0.0F, 1.0F); };
+    return share(red / least_red - 1.0F) * share((other_hue - distance) / (other_hue - same_hue)) *
+           share((brighter - light / head_light) / (brighter - 1.0F));
+}
+
 /// The head's share in the colour of a pixel, and how far it can be trusted, both in [0, 1].
 struct HeadShare {
     float value;
@@ -60,7 +76,7 @@ HeadShare head_share(const cv::Vec3f& color, const cv::Vec3f& head, const cv::Ve
     const float explained = std::max(1.0F - rest / (rest_of_contrast * contrast), 0.0F);
     // A mean of several colours, as of a neck and a collar, is none of them.
     const float uniform = std::clamp(1.5F - deviation / (0.4F * contrast), 0.0F, 1.0F);
-    return {value, differs * explained * uniform};
+    return {value, differs * explained * uniform * (1.0F - shaded_skin(head, around))};
 }
 
 /// Values in the band are at most the highest one beside them nearer to the head. What grows again

@@ -59,6 +59,26 @@ TEST_CASE("a mask that reaches onto a bright wall ends where the head's colour e
     CHECK(largest_difference(edge_by_color(wide, photo(0.95)), expected) < 0.01);
 }
 
+TEST_CASE(
+    "the shadow of a chin on the neck does not move the edge, a wall of another colour does") {
+    const std::vector<double> skin{0.8, 0.6, 0.5};
+    const auto before = [&](const std::vector<double>& behind, double shift) {
+        return by_distance(3, [&, shift](double distance, std::int64_t channel) {
+            const auto c = static_cast<std::size_t>(channel);
+            const double a = share(distance + shift);
+            return a * skin[c] + (1.0 - a) * behind[c];
+        });
+    };
+    const Tensor mask =
+        by_distance(1, [](double distance, std::int64_t) { return share(distance); });
+    // The shadow begins two pixels farther inside than the jaw.
+    const std::vector<double> neck{0.48, 0.36, 0.3}, wall{0.3, 0.4, 0.6};
+    CHECK(largest_difference(edge_by_color(mask, before(neck, -2.0)), mask) < 1e-3);
+    CHECK(largest_difference(edge_by_color(mask, before(wall, -2.0)), mask) > 0.5);
+    // A bright wall of the hue of skin is no shade.
+    CHECK(largest_difference(edge_by_color(mask, before({1.0, 0.76, 0.64}, -2.0)), mask) > 0.2);
+}
+
 TEST_CASE("what has the head's colour behind a gap is no head") {
     // A chin, its shadow, and the neck, which the mask takes for chin; then a dark collar.
     const Tensor mask =
