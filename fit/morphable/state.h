@@ -1,12 +1,10 @@
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <span>
 #include <vector>
 
 #include "core/autograd/variable.h"
-#include "fit/morphable/morphable_fit.h"
 #include "render/camera.h"
 
 /// The unknowns of the fit as one vector. Not part of the public interface.
@@ -25,11 +23,8 @@ inline constexpr std::size_t shape_size = texture_begin - identity_begin;
 using State = std::vector<double>;
 
 [[nodiscard]] Pose pose_of(std::span<const double> state);
-/// The first pose_size numbers of a state.
-[[nodiscard]] std::array<double, pose_size> pose_numbers(const Pose& pose);
 [[nodiscard]] std::vector<float> code_of(std::span<const double> state, std::size_t begin,
                                          std::size_t size);
-[[nodiscard]] State state_of(const MorphableFit& fit);
 
 /// World points (N, 3) -> points in the camera's axes (N, 3). Each row has its own pose (N, 6)
 /// (state.h), so that the gradient of the sum of a column gives the Jacobians of all rows.

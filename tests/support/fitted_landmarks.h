@@ -5,8 +5,8 @@
 
 #include "fit/morphable/landmark_term.h"
 #include "fit/morphable/morphable_fit.h"
-#include "fit/morphable/state.h"
 #include "fit/morphable/vertex_table.h"
+#include "support/morphable_state.h"
 
 namespace stymo::test {
 
@@ -15,8 +15,7 @@ namespace stymo::test {
 inline Landmarks fitted_landmarks(const MorphableHead& head, const MorphableFit& fit,
                                   const Intrinsics& intrinsics, std::int64_t side) {
     const morphable::Contour contour(head);
-    const std::vector<double> points =
-        morphable::table_points(contour.table(), morphable::state_of(fit));
+    const std::vector<double> points = morphable::table_points(contour.table(), state_of(fit));
     const Camera camera = camera_from_pose(fit.pose, intrinsics);
     const std::array<std::size_t, 68> rows = contour.rows(points, camera);
     Landmarks result;

@@ -10,6 +10,7 @@
 #include "fit/morphable/state.h"
 #include "fit/morphable/vertex_table.h"
 #include "render/morphable/builtin_head.h"
+#include "support/morphable_state.h"
 
 namespace {
 
@@ -27,7 +28,7 @@ using stymo::Variable;
     stymo::Rng rng(11);
     morphable::State state(morphable::state_size);
     for (double& value : state) value = 0.3 * rng.normal();
-    const auto pose = morphable::pose_numbers({0.3, -0.2, 0.15, {1.4, -0.9, 4.9}});
+    const auto pose = stymo::test::pose_numbers({0.3, -0.2, 0.15, {1.4, -0.9, 4.9}});
     std::copy(pose.begin(), pose.end(), state.begin());
     return state;
 }
@@ -37,7 +38,7 @@ using stymo::Variable;
 TEST_CASE("The differentiable camera is the camera") {
     const stymo::Pose pose{0.4, -0.3, 0.2, {1.5, -0.6, 4.8}};
     const Eigen::Vector3d point{0.3, -0.5, 0.9};
-    const auto numbers = morphable::pose_numbers(pose);
+    const auto numbers = stymo::test::pose_numbers(pose);
     const Variable poses(Tensor::from({1, 6}, std::span<const double>(numbers)));
     const Variable points(Tensor::from({1, 3}, std::span(point.data(), 3)));
     const Tensor seen =
