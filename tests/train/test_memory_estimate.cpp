@@ -109,6 +109,22 @@ TEST_CASE("every backbone and perceptual network says what its backward pass nee
         CHECK(Lpips(LpipsConfig{network, "random", "random"}, "").memory(64).transient > 0);
 }
 
+TEST_CASE("what is learnt for each photo counts with its gradients and moments", "[memory]") {
+    const Estimated estimated(paper());
+    constexpr std::int64_t numbers = 1'000'000, bytes = 4;
+    const auto added = [&](int stage) {
+        const TrainingPhase phase = phase_of(estimated.config, stage, 1);
+        const auto persistent = [&](std::int64_t offsets) {
+            return estimate_step_memory(estimated.model, estimated.loss, estimated.config, phase,
+                                        {}, offsets)
+                .persistent;
+        };
+        return persistent(numbers) - persistent(0);
+    };
+    CHECK(added(1) >= 5 * numbers * bytes);  // values, two moments, a gradient and its sum
+    CHECK(added(2) == numbers * bytes);
+}
+
 TEST_CASE("micro-batches run side by side where the budget holds them all", "[memory]") {
     const ThreadCount before;
     set_thread_count(2);

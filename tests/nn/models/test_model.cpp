@@ -52,6 +52,15 @@ TEST_CASE("a model that was saved and loaded encodes and renders to the same bit
     CHECK(read_file(folder / "again.safetensors") == read_file(folder / "model.safetensors"));
 }
 
+TEST_CASE("a model with the longest focal length that data may have is read again", "[model]") {
+    const ScratchFolder folder;
+    ModelConfig config = tiny_model_config();
+    config.camera = with_intrinsics(config.camera, {.focal = 100.0});
+    Rng rng(1);
+    Model(config, rng).save(folder / "model.safetensors");
+    CHECK(Model::load(folder / "model.safetensors").config().camera.distance > 100.0);
+}
+
 TEST_CASE("a model keeps the PSNR of its validation photos, if it is a number", "[model]") {
     const ScratchFolder folder;
     Model model = tiny_model(3);
