@@ -160,7 +160,7 @@ class Misuse(unittest.TestCase):
             (ValueError, "the face is not tuned", lambda: face.write("a.json", "t.safetensors")),
             (ValueError, "-1 threads; give 0", lambda: stymo.set_threads(-1)),
             (ValueError, "1000000 threads; give 0", lambda: stymo.set_threads(10**6)),
-            (ValueError, "the truncation of a new face must be 0 or more",
+            (ValueError, "the truncation of a new face must be from 0 to 10",
              lambda: model.sample(truncation=np.nan)),
             (ValueError, "is too large",
              lambda: stymo.Tensor(np.zeros(0, np.float32)).reshape([2**32, 2**32])),
