@@ -44,6 +44,21 @@ constexpr std::int64_t side_pixels = 128;
 /// memory.
 constexpr double few_samples = 0.25;
 
+/// The cameras moved aside by `yaw`, except those that would leave the model's range, as that of a
+/// profile. Empty if none can be moved.
+std::vector<Camera> cameras_aside(const DecoderConfig& config, const std::vector<Camera>& cameras,
+                                  double yaw) {
+    std::vector<Camera> aside;
+    std::size_t moved = 0;
+    for (const Camera& camera : cameras) {
+        const Camera turned = turned_about_head(camera, yaw, 0.0);
+        const bool allowed = !camera_problem(config, turned).has_value();
+        moved += allowed ? 1 : 0;
+        aside.push_back(allowed ? turned : camera);
+    }
+    return moved > 0 ? aside : std::vector<Camera>{};
+}
+
 double mean_of(const Tensor& values) {
     return mean(Variable(values)).value().item();
 }
@@ -91,14 +106,8 @@ FitProblem::FitProblem(const Model& model, const ReconstructionLoss& loss, const
         photo_embeddings_ =
             face_embeddings(model, faces.targets.back(), faces.cameras, faces.known).value();
     for (std::size_t i = 0; i < sides_.size() && photo_embeddings_.defined(); ++i) {
-        std::vector<Camera> cameras;
-        for (const Camera& camera : faces.cameras)
-            cameras.push_back(turned_about_head(camera, i == 0 ? -side_yaw : side_yaw, 0.0));
-        if (std::ranges::any_of(cameras, [&](const Camera& camera) {
-                return camera_problem(model.config().decoder, camera).has_value();
-            }))
-            continue;
-        sides_[i].cameras = std::move(cameras);
+        sides_[i].cameras =
+            cameras_aside(model.config().decoder, faces.cameras, i == 0 ? -side_yaw : side_yaw);
         sides_[i].decode.samples_per_ray = decode_.samples_per_ray;
         sides_[i].decode.resolution = faces.targets.front().shape(1);
         for (const Tensor& images : faces.targets)

@@ -59,7 +59,7 @@ std::string Fitting::doubt_of(const FitReport& report) const {
     if (psnr >= usual - far_below) return {};
     text << ", far below what photos usually reach with this model (its first guesses of held-out "
             "photos: "
-         << usual << " dB); look at fit.png";
+         << usual << " dB); look at the picture";
     return text.str();
 }
 

@@ -5,9 +5,7 @@
 #include "apps/common/tool_options.h"
 #include "apps/common/tools.h"
 #include "apps/render/images.h"
-#include "core/io/ply_file.h"
 #include "nn/realtime/mesh_colors.h"
-#include "render/morphable/head.h"
 
 namespace {
 
@@ -40,19 +38,6 @@ void require_names(const stymo::RenderOptions& options) {
         stymo::fail<stymo::UsageError>("--mask needs an image, --out X.png");
 }
 
-void write_mesh(const stymo::RenderOptions& options, const stymo::Model& model,
-                const stymo::CodeFile& face) {
-    stymo::RendererOptions exact = options.renderer;
-    exact.mode = stymo::RenderMode::exact;
-    const stymo::TriangleMesh mesh = stymo::head_mesh(model, face.codes, 0, options.meshing);
-    const stymo::Tensor normals = stymo::vertex_normals(mesh.vertices, mesh.triangles);
-    stymo::write_ply(options.mesh,
-                     {.vertices = mesh.vertices,
-                      .normals = normals,
-                      .colors = stymo::mesh_colors(model, face.codes, mesh, normals, exact),
-                      .triangles = mesh.triangles});
-}
-
 stymo::AppResult render(stymo::RenderOptions options, const stymo::CommonOptions& common) {
     require_names(options);
     stymo::require_understood(options);
@@ -72,7 +57,8 @@ stymo::AppResult render(stymo::RenderOptions options, const stymo::CommonOptions
             images = stymo::write_images(options.out, options, model,
                                          stymo::shots_of_face(options, model, face));
         if (!options.mesh.empty()) {
-            write_mesh(options, model, face);
+            stymo::write_head_ply(options.mesh, model, face.codes, options.meshing,
+                                  options.renderer);
             images.files.push_back(options.mesh);
         }
     }

@@ -9,14 +9,12 @@
 #include "core/error.h"
 #include "core/io/image.h"
 #include "core/io/mask_file.h"
-#include "core/io/ply_file.h"
 #include "fit/edit/color_edit.h"
 #include "fit/fit_job.h"
 #include "fit/photo/face_parser.h"
 #include "nn/models/display_image.h"
 #include "nn/models/weight_changes.h"
 #include "nn/realtime/chosen_tolerance.h"
-#include "nn/realtime/head_mesh.h"
 #include "nn/realtime/mesh_colors.h"
 #include "nn/realtime/view.h"
 #include "train/data/face_image.h"
@@ -235,16 +233,8 @@ Job::Body mesh(SharedState& shared, const ListedFace& face) {
     return [&shared, face](Job& job) {
         const auto lock = wait_for_heavy_work(shared, job);
         job.report("making the mesh", 0, 0);
-        const TriangleMesh surface = head_mesh(*face.model, face.face.codes, 0, {});
-        const Tensor normals = vertex_normals(surface.vertices, surface.triangles);
-        job.report("colouring the mesh", 0, 0);
-        const Tensor colors = mesh_colors(*face.model, face.face.codes, surface, normals,
-                                          {.mode = RenderMode::exact});
         const std::string bytes = written_bytes(".ply", [&](const std::filesystem::path& file) {
-            write_ply(file, {.vertices = surface.vertices,
-                             .normals = normals,
-                             .colors = colors,
-                             .triangles = surface.triangles});
+            write_head_ply(file, *face.model, face.face.codes, {});
         });
         job.set_artifact({bytes, "application/octet-stream", "face.ply"});
     };

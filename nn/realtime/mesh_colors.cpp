@@ -4,9 +4,11 @@
 #include <cmath>
 #include <cstddef>
 
+#include "core/io/ply_file.h"
 #include "core/parallel.h"
 #include "nn/realtime/view_range.h"
 #include "render/continued_colors.h"
+#include "render/morphable/head.h"
 #include "render/rasterizer.h"
 #include "render/soft_edge.h"
 
@@ -102,6 +104,17 @@ Tensor mesh_colors(const Model& model, const Codes& codes, const TriangleMesh& m
         add_view({camera, view.image, soft_opacity(view.mask), raster.depth}, mesh, normals, sums);
     }
     return continued_colors(means(sums), mesh.triangles);
+}
+
+void write_head_ply(const std::filesystem::path& path, const Model& model, const Codes& codes,
+                    const HeadMeshOptions& meshing, RendererOptions rendering) {
+    rendering.mode = RenderMode::exact;
+    const TriangleMesh mesh = head_mesh(model, codes, 0, meshing);
+    const Tensor normals = vertex_normals(mesh.vertices, mesh.triangles);
+    write_ply(path, {.vertices = mesh.vertices,
+                     .normals = normals,
+                     .colors = mesh_colors(model, codes, mesh, normals, rendering),
+                     .triangles = mesh.triangles});
 }
 
 }  // namespace stymo

@@ -1,6 +1,9 @@
 #pragma once
 
+#include <filesystem>
+
 #include "nn/realtime/face_renderer.h"
+#include "nn/realtime/head_mesh.h"
 #include "render/triangle_mesh.h"
 
 namespace stymo {
@@ -12,5 +15,10 @@ namespace stymo {
 /// length.
 [[nodiscard]] Tensor mesh_colors(const Model& model, const Codes& codes, const TriangleMesh& mesh,
                                  const Tensor& normals, const RendererOptions& rendering);
+
+/// Writes the head's mesh (head_mesh) of row 0 of `codes` as a .ply file, with normals and with the
+/// colours of exact frames. Throws what head_mesh and write_ply throw.
+void write_head_ply(const std::filesystem::path& path, const Model& model, const Codes& codes,
+                    const HeadMeshOptions& meshing, RendererOptions rendering = {});
 
 }  // namespace stymo

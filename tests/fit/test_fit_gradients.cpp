@@ -208,6 +208,24 @@ TEST_CASE("A side that planes fixed in the world cannot render is left out of a 
     CHECK(terms(3) == without);      // from 1.5
 }
 
+TEST_CASE("A profile in a batch leaves the other faces' sides in the fit", "[fitter]") {
+    Photo photo(DType::float32);
+    const auto twice = [](const Variable& rows) { return concat({rows, rows}, 0); };
+    photo.faces.cameras = {model_camera(photo.model, 1.0, 0.0, 0.0), photo.camera};
+    photo.faces.targets.back() = twice(Variable(photo.faces.targets.back())).value();
+    for (Variable& group : photo.codes.groups) group = twice(group);
+    FitProblem problem(photo.model, photo.loss, photo.faces,
+                       {.initial = photo.codes,
+                        .weights = {.depth = 0.0, .identity = 0.3},
+                        .samples_per_ray = samples});
+    static_cast<void>(problem.choose_images(0));
+    REQUIRE(problem.select_samples());
+    problem.choose_side(0);
+    const std::size_t without = problem.evaluate().terms.size();
+    problem.choose_side(3);  // the profile would be seen from 1.5
+    CHECK(problem.evaluate().terms.size() == without + 1);
+}
+
 namespace {
 
 /// What tuning minimises in a step with the photo, and with an anchor.
