@@ -86,18 +86,13 @@ ListedFace FaceList::find(const std::string& id) const {
     return found->second;
 }
 
-bool FaceList::contains(const std::string& id) const {
-    const std::lock_guard lock(mutex_);
-    return std::ranges::find(faces_, id, &std::pair<std::string, ListedFace>::first) !=
-           faces_.end();
-}
-
-void FaceList::replace(const std::string& id, ListedFace face) {
+bool FaceList::replace(const std::string& id, ListedFace face) {
     const std::lock_guard lock(mutex_);
     const auto found = std::ranges::find(faces_, id, &std::pair<std::string, ListedFace>::first);
-    if (found == faces_.end()) fail<ValueError>("there is no face ", id);
+    if (found == faces_.end()) return false;
     count_model(face, id);
     found->second = std::move(face);
+    return true;
 }
 
 void FaceList::remove(const std::string& id) {

@@ -58,10 +58,9 @@ public:
     [[nodiscard]] std::string add(ListedFace face);
     /// Throws ValueError for an unknown id.
     [[nodiscard]] ListedFace find(const std::string& id) const;
-    [[nodiscard]] bool contains(const std::string& id) const;
-    /// Replaces a face, for example during its fit. Throws ValueError for an unknown id, and if
+    /// Replaces a face, for example during its fit; false if it was removed. Throws ValueError if
     /// there is no room for the new model; then the old face stays.
-    void replace(const std::string& id, ListedFace face);
+    [[nodiscard]] bool replace(const std::string& id, ListedFace face);
     /// Throws ValueError if there is no room for a further tuned model.
     void require_room_for_tuned() const;
     void remove(const std::string& id);

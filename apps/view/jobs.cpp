@@ -117,10 +117,7 @@ private:
     }
     /// Who removes a face while it is fitted does not want the fit any more.
     void replace() {
-        if (faces_.contains(id_))
-            faces_.replace(id_, face_);
-        else
-            job_.cancel();
+        if (!faces_.replace(id_, face_)) job_.cancel();
     }
 
     FaceList& faces_;

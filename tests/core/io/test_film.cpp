@@ -76,6 +76,13 @@ TEST_CASE("Films that are cut off and files that are no films are refused") {
         Contains("cut.avi: ends after ") && Contains(" of 40 frames, so it was cut off"));
     CHECK_THROWS_WITH(FilmReader(folder / "text.mp4"), Contains("text.mp4: no film"));
     CHECK_THROWS_WITH(FilmReader(folder / "none.mp4"), Contains("none.mp4: no such file"));
+    CHECK_THROWS_WITH(FilmReader(folder.path()), Contains(": is a folder, not a film"));
+}
+
+TEST_CASE("A film that cannot be written names itself and the cause") {
+    const ScratchFolder folder;
+    CHECK_THROWS_WITH(write_grey(folder / "none/a.mp4", 1),
+                      Contains("none/a.mp4: cannot be written (No such file or directory)"));
 }
 
 std::filesystem::path golden(const char* name) {
