@@ -128,6 +128,7 @@ Splats gradient_of(const Splats& splats, std::span<const TextureView> views) {
 
 Splats face_splats(const Model& model, const Codes& codes, std::int64_t count,
                    const std::function<void(double)>& observe) {
+    if (count < 1) fail<ValueError>("a face cannot be made of ", count, " splats; give 1 or more");
     constexpr double largest_yaw = 0.785;
     constexpr int yaws = 8;
     // About, of the whole time.
@@ -138,8 +139,10 @@ Splats face_splats(const Model& model, const Codes& codes, std::int64_t count,
     constexpr double coarse = 1.0 / 64.0;
     const auto found = static_cast<double>(surface_samples(seen, coarse).size());
     if (found == 0.0) fail<ValueError>("nothing of this face is inside its head mask");
-    const double spacing = coarse * std::sqrt(found / static_cast<double>(count));
+    const double spacing = std::min(coarse * std::sqrt(found / static_cast<double>(count)), 1.0);
     const std::vector<Sample> samples = surface_samples(seen, spacing);
+    if (samples.empty())
+        fail<ValueError>("a grid of ", count, " splats misses this face; give more");
     Splats splats = begun_splats(samples);
 
     std::vector<TextureView> views;

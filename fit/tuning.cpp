@@ -294,12 +294,11 @@ double part_done(const TuningOptions& options, std::int64_t step, double seconds
 }
 
 /// The largest learning rate for the number of steps that the finished ones predict. Before the
-/// first step nothing predicts what a limit in seconds allows; then the wanted number counts.
+/// first step nothing predicts what a limit in seconds allows; then the limit in steps counts.
 double highest_rate(const TuningOptions& options, std::int64_t step, double part) {
     if (options.learning_rate > 0.0) return options.learning_rate;
     if (part > 0.0) return usual_tuning_rate(static_cast<double>(step) / part);
-    const bool asked = options.seconds > 0.0 && options.steps > 0;
-    return usual_tuning_rate(asked ? static_cast<double>(options.steps) : 1.0);
+    return usual_tuning_rate(std::max(static_cast<double>(options.steps), 1.0));
 }
 
 }  // namespace

@@ -27,9 +27,25 @@ struct SampleRows {
     std::vector<std::int32_t> triangle;
 };
 
-[[nodiscard]] double edge(const Eigen::Vector3d& a, const Eigen::Vector3d& b, double x, double y) {
-    return (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]);
-}
+/// Positive on one side of the line from a to b, negative on the other. Both triangles of an edge
+/// get the same number but for its sign, so that no sample falls between them.
+class Edge {
+public:
+    Edge(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+        const bool swapped = std::pair(b[0], b[1]) < std::pair(a[0], a[1]);
+        const Eigen::Vector3d &from = swapped ? b : a, &to = swapped ? a : b;
+        x_ = from[0];
+        y_ = from[1];
+        along_x_ = swapped ? from[0] - to[0] : to[0] - from[0];
+        along_y_ = swapped ? from[1] - to[1] : to[1] - from[1];
+    }
+    [[nodiscard]] double operator()(double x, double y) const {
+        return along_x_ * (y - y_) - along_y_ * (x - x_);
+    }
+
+private:
+    double x_, y_, along_x_, along_y_;
+};
 
 /// `paint` gets weights whose sum is 1 / depth.
 template <class Paint>
@@ -41,7 +57,9 @@ void draw(std::int32_t index, const std::array<Eigen::Vector3d, 3>& corners, con
     if (high_x < 0.0 || low_x > static_cast<double>(target.columns) ||
         high_y < static_cast<double>(target.first_row) || low_y > bottom)
         return;
-    const double area = edge(corners[0], corners[1], corners[2][0], corners[2][1]);
+    const std::array<Edge, 3> edges{Edge(corners[1], corners[2]), Edge(corners[2], corners[0]),
+                                    Edge(corners[0], corners[1])};
+    const double area = edges[2](corners[2][0], corners[2][1]);
     if (area == 0.0 || !std::isfinite(area)) return;
     // Samples stand at integers plus a half.
     const auto first_row =
@@ -56,9 +74,8 @@ void draw(std::int32_t index, const std::array<Eigen::Vector3d, 3>& corners, con
         for (std::int64_t column = first_column; column <= last_column; ++column) {
             const double x = static_cast<double>(column) + 0.5;
             const double y = static_cast<double>(row) + 0.5;
-            const std::array<double, 3> barycentric{edge(corners[1], corners[2], x, y) / area,
-                                                    edge(corners[2], corners[0], x, y) / area,
-                                                    edge(corners[0], corners[1], x, y) / area};
+            const std::array<double, 3> barycentric{edges[0](x, y) / area, edges[1](x, y) / area,
+                                                    edges[2](x, y) / area};
             if (barycentric[0] < 0.0 || barycentric[1] < 0.0 || barycentric[2] < 0.0) continue;
             // 1 / depth is linear on the screen, and so is everything divided by depth.
             std::array<double, 3> weight{};

@@ -33,8 +33,8 @@ struct SplatLoss {
     Splats gradient;  ///< without normals
 };
 /// The squared differences of a square view, summed over its pixels: those of the colours on black,
-/// and 0.3 times those of the coverage and the mask. In the gradient the shape of a projected splat
-/// does not depend on its centre.
+/// and 0.3 times those of the coverage and the mask. In the gradient neither the shape of a
+/// projected splat nor the direction from which its colour is seen depends on its centre.
 [[nodiscard]] SplatLoss splat_loss(const Splats& splats, const TextureView& view);
 
 }  // namespace stymo

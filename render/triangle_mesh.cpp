@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <bit>
+#include <limits>
 #include <numeric>
 #include <utility>
 
@@ -48,7 +49,10 @@ TriangleMesh largest_piece(const TriangleMesh& mesh) {
     if (mesh.triangles.empty()) return mesh;
     const std::span<const float> vertices = mesh.vertices.values<float>();
     const std::vector<std::int32_t> piece = pieces_of(mesh.vertices.shape(0), mesh.triangles);
-    std::vector<double> volumes(piece.size());
+    constexpr double none = -std::numeric_limits<double>::infinity();
+    std::vector<double> volumes(piece.size(), none);
+    for (const std::array<std::int32_t, 3>& triangle : mesh.triangles)
+        volumes[static_cast<std::size_t>(piece[static_cast<std::size_t>(triangle[0])])] = 0.0;
     for (const std::array<std::int32_t, 3>& triangle : mesh.triangles)
         volumes[static_cast<std::size_t>(piece[static_cast<std::size_t>(triangle[0])])] +=
             signed_volume(vertices, triangle);

@@ -21,7 +21,7 @@ public:
     struct Batch {
         Tensor images;  ///< (B, S, S, 3) in [0, 1]
         Tensor masks;   ///< (B, S, S, 1) in [0, 1]
-        Tensor known;   ///< (B, S, S, 1): 0 where the mask counts for nothing, else 1
+        Tensor known;   ///< (B, S, S, 1) in [0, 1], 0 where the mask counts for nothing
     };
 
     /// Reads an FFHQ folder of aligned photos (train/data/folder_scan.h) with `masks/ID.png`.

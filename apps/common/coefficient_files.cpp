@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "core/error.h"
+#include "core/exact_text.h"
 #include "core/io/file.h"
 #include "core/io/json_check.h"
 #include "render/camera.h"
@@ -31,6 +32,7 @@ std::vector<std::string> cells_of(std::string line) {
     std::vector<std::string> cells;
     std::istringstream stream(line);
     for (std::string cell; std::getline(stream, cell, ',');) cells.push_back(cell);
+    if (line.ends_with(',')) cells.emplace_back();
     return cells;
 }
 
@@ -140,16 +142,14 @@ std::vector<ArkitMoment> read_coefficients(const std::filesystem::path& path) {
 }
 
 std::string live_link_csv(const ArkitMoment& moment) {
-    std::ostringstream text;
-    text << "Timecode,BlendShapeCount";
-    for (const char* name : arkit_names) text << ',' << column_name(name);
-    for (const char* name : rotations) text << ',' << name;
-    text << "\n00:00:00:00.000," << arkit_names.size() + rotations.size();
-    for (const double value : moment.coefficients) text << ',' << value;
-    for (const double angle : upward(seen_from(moment.view))) text << ',' << angle + 0.0;
-    for (std::size_t i = 3; i < rotations.size(); ++i) text << ",0";
-    text << '\n';
-    return text.str();
+    std::string text = "Timecode,BlendShapeCount";
+    for (const char* name : arkit_names) text += "," + column_name(name);
+    for (const char* name : rotations) text += std::string(",") + name;
+    text += "\n00:00:00:00.000," + exact_text(arkit_names.size() + rotations.size());
+    for (const double value : moment.coefficients) text += "," + exact_text(value);
+    for (const double angle : upward(seen_from(moment.view))) text += "," + exact_text(angle + 0.0);
+    for (std::size_t i = 3; i < rotations.size(); ++i) text += ",0";
+    return text + "\n";
 }
 
 }  // namespace stymo

@@ -84,15 +84,19 @@ Tensor contact_sheet(const std::filesystem::path& film, const std::filesystem::p
         below.push_back((2 * i + 1) * frames / (2 * std::min(columns, frames)));
         above.push_back(options.first_frame + options.every * below.back());
     }
-    std::vector<Tensor> tiles = frames_of(film, above);
-    std::ranges::move(frames_of(driven, below), std::back_inserter(tiles));
+    std::vector<Tensor> tiles = frames_of(film, above), answers = frames_of(driven, below);
+    // A film may end a few frames before the number that it states.
+    const std::size_t pairs = std::min(tiles.size(), answers.size());
+    tiles.resize(pairs);
+    answers.resize(pairs);
+    std::ranges::move(answers, std::back_inserter(tiles));
     std::int64_t width = 0;
     for (const Tensor& tile : tiles) width = std::max(width, tile.shape(1));
     for (Tensor& tile : tiles) {
         const std::int64_t missing = width - tile.shape(1);
         tile = pad(tile, 1, missing / 2, missing - missing / 2).value();
     }
-    return tile_images(tiles, static_cast<int>(std::ssize(below)));
+    return tile_images(tiles, static_cast<int>(pairs));
 }
 
 }  // namespace stymo

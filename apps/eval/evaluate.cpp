@@ -97,7 +97,7 @@ public:
         if (folder == nullptr) return;
         for (const std::int64_t position : positions)
             if (folder->results().contains(id_of(position)))
-                scores_.emplace(position, folder->score(id_of(position)));
+                keep(position, folder->score(id_of(position)));
     }
 
     [[nodiscard]] bool contains(std::int64_t position) const { return scores_.contains(position); }
@@ -106,7 +106,7 @@ public:
     void add(std::int64_t position, FaceScore score, const FitResult& fit, Progress& progress) {
         const std::lock_guard lock(mutex_);
         if (folder_ != nullptr) folder_->add(score, fit);
-        scores_.insert_or_assign(position, std::move(score));
+        keep(position, std::move(score));
         progress.update(done(), text());
     }
     void add_failure(std::int64_t position, const std::string& reason) {
@@ -130,7 +130,7 @@ public:
                 const std::int64_t position = std::stoll(record.substr(1));
                 const std::string text = record.substr(record.find(' ') + 1);
                 if (record.front() == 's')
-                    scores_.insert_or_assign(position, parse_face_score(text));
+                    keep(position, parse_face_score(text));
                 else
                     failed_.insert_or_assign(position, FailedFace{id_of(position), text});
             }
@@ -155,17 +155,20 @@ private:
         return faces_.ids()[static_cast<std::size_t>(position)];
     }
     [[nodiscard]] std::int64_t done() const { return std::ssize(scores_) + std::ssize(failed_); }
+    void keep(std::int64_t position, FaceScore score) {
+        const auto [place, is_new] = scores_.try_emplace(position, std::move(score));
+        if (!is_new) return;
+        const auto& region = place->second.regions.front();
+        initial_psnr_ += region.initial.psnr;
+        last_psnr_ += region.last().psnr;
+        fitted_ = fitted_ || region.fitted;
+    }
     [[nodiscard]] std::string text() const {
-        double initial = 0.0;
-        double last = 0.0;
-        bool fitted = false;
-        for (const auto& [position, score] : scores_) {
-            initial += score.regions.front().initial.psnr / static_cast<double>(scores_.size());
-            last += score.regions.front().last().psnr / static_cast<double>(scores_.size());
-            fitted = fitted || score.regions.front().fitted;
-        }
-        const std::string first = text_from("PSNR ", decimal(initial, 2), " initial");
-        return fitted ? text_from(first, ", ", decimal(last, 2), " fitted") : first;
+        const auto mean = [this](double sum) {
+            return decimal(sum / static_cast<double>(scores_.size()), 2);
+        };
+        const std::string first = text_from("PSNR ", mean(initial_psnr_), " initial");
+        return fitted_ ? text_from(first, ", ", mean(last_psnr_), " fitted") : first;
     }
 
     const Dataset& faces_;
@@ -173,6 +176,8 @@ private:
     std::int64_t asked_;
     std::mutex mutex_;
     std::map<std::int64_t, FaceScore> scores_;
+    double initial_psnr_ = 0.0, last_psnr_ = 0.0;  ///< sums over `scores_`
+    bool fitted_ = false;
     std::map<std::int64_t, FailedFace> failed_;
 };
 

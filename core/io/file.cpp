@@ -7,6 +7,7 @@
 #include <atomic>
 #include <cerrno>
 #include <cstring>
+#include <random>
 #include <span>
 #include <system_error>
 #include <utility>
@@ -37,10 +38,8 @@ private:
 };
 
 fs::path temporary_beside(const fs::path& path) {
-    static std::atomic<std::uint64_t> files{0};  // threads may write the same file
-    const std::string name = "." + path.stem().string() + "." + std::to_string(::getpid()) + "-" +
-                             std::to_string(files++) + ".part" + path.extension().string();
-    return path.parent_path() / name;
+    return path.parent_path() / ("." + path.stem().string() + "." + name_of_this_write() + ".part" +
+                                 path.extension().string());
 }
 
 /// Whether `temporary_beside` made this name.
@@ -156,7 +155,7 @@ std::string read_beginning(const fs::path& path, std::size_t count) {
 }
 
 struct OpenFile::Implementation {
-    explicit Implementation(const fs::path& path) : path(path), file(open_for_reading(path)) {}
+    explicit Implementation(const fs::path& name) : path(name), file(open_for_reading(name)) {}
 
     fs::path path;
     Descriptor file;
@@ -186,6 +185,13 @@ void prefetch(const fs::path& path) {
         static_cast<void>(::posix_fadvise(file.number(), 0, 0, POSIX_FADV_WILLNEED));
 }
 
+std::string name_of_this_write() {
+    static const std::uint32_t process = std::random_device()();
+    static std::atomic<std::uint64_t> writes{0};
+    return std::to_string(::getpid()) + "-" + std::to_string(process) + "-" +
+           std::to_string(writes++);
+}
+
 void write_whole(const fs::path& path, const std::function<void(const fs::path&)>& write,
                  Durability durability) {
     std::error_code error;
@@ -206,7 +212,7 @@ void write_whole(const fs::path& path, const std::function<void(const fs::path&)
 
 void write_file(const fs::path& path, std::string_view text, Durability durability) {
     const auto write = [&](const fs::path& temporary) {
-        const Descriptor file(temporary, O_WRONLY | O_CREAT | O_TRUNC);
+        const Descriptor file(temporary, O_WRONLY | O_CREAT | O_EXCL);
         if (!file.is_open() || !written(file, text))
             fail<FileError>(path.string(), ": cannot be written (", reason_of(errno), ")");
     };

@@ -44,6 +44,9 @@ enum class Durability {
                  ///< again
 };
 
+/// Digits and hyphens that no other write has in its temporary name: not of another thread, nor of
+/// another machine that shares the folder, where a process may have the same number.
+[[nodiscard]] std::string name_of_this_write();
 /// Calls `write(temporary)` and renames the result to `path`, so that `path` is never partial. The
 /// temporary file keeps path's extension and is removed if `write` throws. Throws FileError if
 /// flushing or renaming fails.
@@ -57,7 +60,8 @@ void write_file(const std::filesystem::path& path, std::string_view text,
 /// there.
 void remove_temporary_files(const std::filesystem::path& folder);
 /// Appends a line and a line break to a file, which is created if it is missing. Throws FileError
-/// if that fails, and removes the part of the line that was written. A crash of the system can
+/// if that fails, and removes the part of the line that was written, for which no other process may
+/// append to the file meanwhile. A crash of the system can
 /// still leave a partial line.
 void append_line(const std::filesystem::path& path, std::string_view line, Durability durability);
 /// Flushes a file, or a folder with everything in it, to the disk. Throws FileError if the disk

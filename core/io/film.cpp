@@ -166,8 +166,12 @@ struct FilmReader::State {
 
 FilmReader::FilmReader(const fs::path& path, int most_side)
     : state_(std::make_unique<State>(State{path, most_side, {}, {}})) {
-    if (fs::is_directory(path)) fail<FileError>(path.string(), ": is a folder, not a film");
-    if (!fs::is_regular_file(path)) fail<FileError>(path.string(), ": no such file");
+    std::error_code error;
+    if (fs::is_directory(path, error)) fail<FileError>(path.string(), ": is a folder, not a film");
+    if (!fs::is_regular_file(path, error))
+        fail<FileError>(path.string(), ": ",
+                        error && error != std::errc::no_such_file_or_directory ? error.message()
+                                                                               : "no such file");
     silence_ffmpeg();
     // A file with the name of a picture opens without a look at its contents.
     if (!state_->film.open(path.string(), cv::CAP_FFMPEG) ||

@@ -1,7 +1,5 @@
 #include "core/io/folder_in_progress.h"
 
-#include <unistd.h>
-
 #include <set>
 #include <string>
 #include <system_error>
@@ -29,10 +27,7 @@ FolderInProgress::FolderInProgress(const fs::path& target) : target_((target / "
     if (fs::exists(target_, ignored)) require_writable_folder(target_);
     const fs::path parent = target_.parent_path().empty() ? fs::path(".") : target_.parent_path();
     require_writable_folder(parent);
-    path_ =
-        parent / ("." + target_.filename().string() + "." + std::to_string(::getpid()) + ".part");
-    // An earlier process of this number may have been killed.
-    fs::remove_all(path_, ignored);
+    path_ = parent / ("." + target_.filename().string() + "." + name_of_this_write() + ".part");
     require_writable_folder(path_);
 }
 

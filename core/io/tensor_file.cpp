@@ -217,6 +217,7 @@ TensorFile read_tensor_file(const fs::path& path) {
 }
 
 Tensor as_read_from_float16(const std::string& name, const Tensor& tensor) {
+    if (tensor.rank() == 0) return tensor.to(DType::float32);
     const std::vector<Eigen::half> halves = rounded_to_half(name, tensor);
     Tensor result(tensor.shape());
     std::ranges::transform(halves, result.mutable_values<float>().begin(),

@@ -106,10 +106,14 @@ GroupMatrix group_movements(const Codes& base, const Codes& other,
 
 std::array<double, groups> largest_leaks(const GroupMatrix& movements) {
     std::array<double, groups> result{};
-    for (std::size_t row = 0; row < groups; ++row)
+    for (std::size_t row = 0; row < groups; ++row) {
+        if (!(movements[row][row] > 0.0))
+            fail<NumericError>("disentanglement: the encoder does not see that the ",
+                               code_names[row], " code was replaced");
         for (std::size_t column = 0; column < groups; ++column)
             if (column != row)
                 result[row] = std::max(result[row], movements[row][column] / movements[row][row]);
+    }
     return result;
 }
 

@@ -44,7 +44,7 @@ using GroupMatrix = std::array<std::array<double, code_names.size()>, code_names
                                           const std::array<Codes, code_names.size()>& changed);
 
 /// For each row, the largest off-diagonal entry divided by the diagonal entry. 0 is perfect
-/// disentanglement.
+/// disentanglement. Throws NumericError for a diagonal entry that is not positive.
 [[nodiscard]] std::array<double, code_names.size()> largest_leaks(const GroupMatrix& movements);
 
 }  // namespace stymo

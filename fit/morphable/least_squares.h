@@ -41,7 +41,8 @@ struct LeastSquaresProblem {
 
 /// Minimises by Levenberg-Marquardt from `start`. Unknowns at their bound stay there while the
 /// gradient pushes outwards. A matrix that is not positive definite is damped more, as is a step
-/// that does not improve. Throws NumericError if no damping up to 1e4 makes it positive definite.
+/// that does not improve. Throws NumericError if no damping below 1e4, from that of the step
+/// before on, makes it positive definite.
 [[nodiscard]] std::vector<double> minimized(const LeastSquaresProblem& problem,
                                             std::vector<double> start, int steps);
 

@@ -1,5 +1,7 @@
 #include "fit/video/live_face.h"
 
+#include <utility>
+
 #include "core/ops/ops.h"
 
 namespace stymo {
@@ -24,9 +26,10 @@ LiveFace::LiveFace(const PhotoPreparation& preparation, const Model& model)
 std::optional<LiveFace::Sight> LiveFace::see(const Tensor& image) {
     FrameInWork work{.image = image, .tracked = tracker_.next(image)};
     if (!work.tracked) return std::nullopt;
-    const bool starts = work.tracked->starts;
+    starts_ = starts_ || work.tracked->starts;
     prepare_frames(preparation_, model_.config(), {&work, 1}, false);
     if (!work.tracked) return std::nullopt;
+    const bool starts = std::exchange(starts_, false);
     if (seen_ == 0) expression_.know({&work, 1});
     expression_.see({&work, 1});
     const Tensor& expression = work.frame.change;

@@ -35,6 +35,7 @@ private:
     Tensor rest_, smooth_;  ///< (1, 79)
     double first_yaw_ = 0.0, first_pitch_ = 0.0, first_roll_ = 0.0;
     std::int64_t seen_ = 0;
+    bool starts_ = false;  ///< also where the frame in which the face came back cannot be prepared
 };
 
 }  // namespace stymo

@@ -169,6 +169,12 @@ TEST_CASE("no surface is no triangles, and what is no grid is refused", "[mesh]"
     CHECK(none.triangles.empty());
     CHECK(none.vertices.shape(0) == 0);
     CHECK(largest_piece(none).triangles.empty());
+    // A mesh whose only piece is turned inside out, after a vertex that belongs to none.
+    const TriangleMesh inside_out{
+        Tensor::from({5, 3}, std::vector<float>{9, 9, 9, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1}),
+        {{1, 2, 3}, {1, 4, 2}, {1, 3, 4}, {2, 4, 3}}};
+    REQUIRE(enclosed_volume(inside_out) < 0.0);
+    CHECK(largest_piece(inside_out).triangles.size() == 4);
     CHECK_THROWS_AS(isosurface(Tensor::zeros({1, 2, 2}), {}, 1.0, 0.0), ShapeError);
     CHECK_THROWS_AS(
         isosurface(Tensor::full({2, 2, 2}, std::numeric_limits<double>::infinity()), {}, 1.0, 0.0),

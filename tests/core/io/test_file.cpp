@@ -62,23 +62,23 @@ TEST_CASE("a write of a file during another one leaves both whole, and the last 
     CHECK(folder.file_count() == 1);
 }
 
-TEST_CASE("a folder in progress does not take over what a killed process left") {
+TEST_CASE("folders in progress of one target do not meet, and leave nothing beside it") {
     const ScratchFolder folder;
     const auto target = folder / "run";
-    std::filesystem::path left;
     {
-        const FolderInProgress one(target);
-        left = one.path();
+        FolderInProgress one(target), two(target);
+        write_file(one.path() / "one.png", "one", Durability::none);
+        write_file(two.path() / "two.png", "two", Durability::none);
+        one.finish();
+        CHECK_FALSE(std::filesystem::exists(target / "two.png"));
+        two.finish();
+        const FolderInProgress given_up(target);
+        write_file(given_up.path() / "three.png", "three", Durability::none);
     }
-    require_writable_folder(left / "images");
-    write_file(left / "images" / "old.png", "old", Durability::none);
-    FolderInProgress next(target);
-    CHECK(next.path() == left);
-    write_file(next.path() / "new.png", "new", Durability::none);
-    next.finish();
-    CHECK(read_file(target / "new.png") == "new");
-    CHECK_FALSE(std::filesystem::exists(target / "images"));
-    CHECK_FALSE(std::filesystem::exists(left));
+    CHECK(read_file(target / "one.png") == "one");
+    CHECK(read_file(target / "two.png") == "two");
+    CHECK_FALSE(std::filesystem::exists(target / "three.png"));
+    CHECK(std::distance(std::filesystem::directory_iterator(folder.path()), {}) == 1);
 }
 
 TEST_CASE("what killed processes left half-written is removed, and nothing else") {

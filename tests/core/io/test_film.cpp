@@ -77,6 +77,7 @@ TEST_CASE("Films that are cut off and files that are no films are refused") {
     CHECK_THROWS_WITH(FilmReader(folder / "text.mp4"), Contains("text.mp4: no film"));
     CHECK_THROWS_WITH(FilmReader(folder / "none.mp4"), Contains("none.mp4: no such file"));
     CHECK_THROWS_WITH(FilmReader(folder.path()), Contains(": is a folder, not a film"));
+    CHECK_THROWS_AS(FilmReader(folder / std::string(300, 'a')), FileError);
 }
 
 TEST_CASE("A film that cannot be written names itself and the cause") {

@@ -45,6 +45,9 @@ TEST_CASE(
             CHECK(movements[row][column] == Approx(wanted[row][column]).margin(1e-5));
     CHECK(largest_leaks(movements)[0] == Approx(0.3).epsilon(1e-4));
     CHECK(largest_leaks(movements)[3] == Approx(0.7).epsilon(1e-4));
+    GroupMatrix unseen = movements;
+    unseen[2][2] = 0.0;
+    CHECK_THROWS_AS(largest_leaks(unseen), NumericError);
 }
 
 TEST_CASE("movements of unlike rows are averaged as squares", "[disentanglement]") {
