@@ -6,6 +6,7 @@
 #include "core/angle.h"
 #include "core/metrics.h"
 #include "nn/realtime/face_renderer.h"
+#include "nn/realtime/view.h"
 
 namespace stymo {
 
@@ -17,7 +18,9 @@ std::vector<FrameComparison> compared_with_frames(const Model& model, const Code
     renderer.show(codes);
     std::vector<FrameComparison> result;
     for (const double yaw : yaws) {
-        const Camera camera = model_camera(model, radians_from_degrees(yaw), 0.0, 0.0);
+        const Camera camera =
+            turned_camera(model.config().camera, head_middle, radians_from_degrees(yaw), 0.0, 0.0,
+                          whole_head_distance);
         const View view = renderer.render(camera);
         RasterImage drawn = draw(camera, view.image.shape(0));
         FrameComparison& compared = result.emplace_back();

@@ -1,5 +1,7 @@
 #include "nn/realtime/view_range.h"
 
+#include "nn/realtime/view.h"
+
 namespace stymo {
 
 std::vector<Camera> cameras_over(const ViewRange& range, int yaws, int pitches) {
@@ -9,10 +11,8 @@ std::vector<Camera> cameras_over(const ViewRange& range, int yaws, int pitches) 
     };
     for (int i = 0; i < yaws; ++i) {
         for (int k = 0; k < pitches; ++k) {
-            const CameraConfig& camera = range.camera;
-            const Pose pose = pivot_pose(angle(range.yaw, i, yaws), angle(range.pitch, k, pitches),
-                                         0.0, camera.distance, camera.pivot_depth);
-            cameras.push_back(camera_from_pose(pose, camera.intrinsics));
+            cameras.push_back(turned_camera(range.camera, head_middle, angle(range.yaw, i, yaws),
+                                            angle(range.pitch, k, pitches), 0.0));
         }
     }
     return cameras;
