@@ -62,6 +62,9 @@ std::filesystem::path latest_checkpoint(const std::filesystem::path& run) {
     std::string name = read_file(pointer);
     while (!name.empty() && (name.back() == '\n' || name.back() == '\r' || name.back() == ' '))
         name.pop_back();
+    if (name.empty() || name.find_first_not_of("0123456789") != std::string::npos)
+        fail<FileError>(pointer.string(), ": names no checkpoint; give --resume one of ",
+                        (run / "checkpoints").string());
     return run / "checkpoints" / name;
 }
 

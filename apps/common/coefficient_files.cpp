@@ -65,6 +65,9 @@ std::vector<ArkitMoment> read_csv(const std::string& path, const std::string& te
     std::string line;
     std::getline(lines, line);
     const std::vector<std::string> header = cells_of(line);
+    for (auto name = header.begin(); name != header.end(); ++name)
+        if (std::find(header.begin(), name, *name) != name)
+            fail<FileError>(path, ": has two columns ", *name);
     const auto column = [&](const std::string& name) {
         return static_cast<std::size_t>(std::ranges::find(header, name) - header.begin());
     };

@@ -2,6 +2,8 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cctype>
+#include <charconv>
 #include <csignal>
 #include <cstdlib>
 #include <iomanip>
@@ -30,13 +32,6 @@ template <class T>
 constexpr bool is_optional = false;
 template <class T>
 constexpr bool is_optional<std::optional<T>> = true;
-
-/// Messages of other libraries may hold line breaks; a failure is one line.
-std::string one_line(std::string text) {
-    std::replace(text.begin(), text.end(), '\n', ' ');
-    text.erase(text.find_last_not_of(' ') + 1);
-    return text;
-}
 
 /// The number that the whole of `text` represents, or nothing.
 std::optional<double> number_in(const std::string& text) {
@@ -70,6 +65,16 @@ void require_one_of(const CLI::App& app, const DeclaredOption& declared) {
     std::string names;
     for (const std::string& name : needed) names += (names.empty() ? "" : " or ") + name;
     throw CLI::RequiresError(declared.option->get_name(), names);
+}
+
+/// Throws CLI::ConversionError for an option such as `--out=`: the parser would take the next word
+/// as its value.
+void require_values(int argc, const char* const* argv) {
+    for (int i = 1; i < argc; ++i) {
+        const std::string word = argv[i];
+        if (word.starts_with("--") && word.ends_with('=') && word.find('=') + 1 == word.size())
+            throw CLI::ConversionError(word.substr(0, word.size() - 1) + ": the value is empty");
+    }
 }
 
 /// The error message for a call without an existing command, for a tool that requires one.
@@ -112,6 +117,11 @@ std::string version_text(const std::string& program) {
          << "\nseveral machines: " << several_machines;
     return text.str();
 }
+
+template <class T>
+constexpr bool is_text =
+    std::is_same_v<T, std::string> || std::is_same_v<T, std::optional<std::string>> ||
+    std::is_same_v<T, std::vector<std::string>>;
 
 std::string absolute_text(const std::filesystem::path& path) {
     return path.empty() ? std::string() : std::filesystem::absolute(path).string();
@@ -224,6 +234,12 @@ OptionRules Command::option(const std::string& name, T& target, const std::strin
         return declare(option->type_name("PATH"), value);
     } else {
         auto* option = app_->add_option(name, target, help);
+        if constexpr (is_text<T>) {
+            const auto problem = [](const std::string& text) -> std::string {
+                return text.empty() ? "the value is empty" : "";
+            };
+            option->check(CLI::Validator(problem, ""));
+        }
         if constexpr (std::is_same_v<T, std::vector<std::string>>) {
             option->allow_extra_args(false);
         } else if constexpr (!is_optional<T>) {
@@ -231,9 +247,15 @@ OptionRules Command::option(const std::string& name, T& target, const std::strin
         }
         if constexpr (std::is_same_v<T, std::uint64_t> ||
                       std::is_same_v<T, std::optional<std::uint64_t>>) {
-            // The conversion reads "-1" as the largest unsigned number.
+            // The conversion reads "-1", and what is too large, as the largest number.
             const auto problem = [](const std::string& text) -> std::string {
-                return text.starts_with('-') ? text + " is negative" : "";
+                if (text.starts_with('-')) return text + " is negative";
+                std::uint64_t number = 0;
+                const auto [last, error] =
+                    std::from_chars(text.data(), text.data() + text.size(), number);
+                return error == std::errc::result_out_of_range || text.starts_with(' ')
+                           ? text + " is no whole number below 18446744073709551616"
+                           : "";
             };
             option->check(CLI::Validator(problem, ""));
         }
@@ -277,6 +299,15 @@ std::string stray_option(const CLI::App& app, const std::set<const CLI::Option*>
 }
 
 }  // namespace
+
+std::string one_line(std::string text) {
+    for (char& letter : text) {
+        if (letter == '\n') letter = ' ';
+        if (std::iscntrl(static_cast<unsigned char>(letter)) != 0) letter = '?';
+    }
+    text.erase(text.find_last_not_of(' ') + 1);
+    return text;
+}
 
 struct CommandLine::Implementation {
     Implementation(const std::string& program, const std::string& description,
@@ -348,6 +379,7 @@ int CommandLine::run(int argc, const char* const* argv, const AppBody& body, std
     std::signal(SIGXFSZ, SIG_IGN);
     app.require_subcommand(body ? 0 : 1, bodies.empty() ? 0 : 1);
     try {
+        require_values(argc, argv);
         app.parse(argc, argv);
     } catch (const CLI::Success& request) {
         app.exit(request, out, err);

@@ -38,6 +38,10 @@ struct CommonOptions {
     bool explain = false;  ///< the work is reported, see apps/common/explain.h
 };
 
+/// A message without line breaks and other control characters, which names of files and messages of
+/// libraries may hold.
+[[nodiscard]] std::string one_line(std::string text);
+
 /// The result of a tool: `text` for people, `json` for programs. It is printed once at the end,
 /// unless the tool fails.
 struct AppResult {

@@ -50,7 +50,7 @@ Tensor mask_of_user(const std::filesystem::path& path) {
 
 void require_photo(const FaceSource& source) {
     if (source.images.empty() && source.data.empty())
-        fail<UsageError>("--image is required, or --data and --id");
+        fail<UsageError>("a photo is required: --image FILE, or --data FOLDER and --id NAME");
     if (source.images.size() > 1 && !source.as_it_comes())
         fail<UsageError>(
             "several photos are prepared by the tool itself: leave out --mask, --pose, --data and "
@@ -80,7 +80,7 @@ void write_left_out(std::ostream& stream, std::span<const BrokenFile> left_out) 
 
 void write_broken_files(std::ostream& stream, const DatasetSummary& summary, std::size_t known) {
     for (std::size_t i = known; i < summary.broken.size(); ++i)
-        stream << "skipped " << summary.broken[i].file << ": " << summary.broken[i].reason
+        stream << one_line("skipped " + summary.broken[i].file + ": " + summary.broken[i].reason)
                << std::endl;
 }
 

@@ -13,19 +13,22 @@ namespace stymo {
 namespace {
 
 /// The whole head, as it turns around its middle.
-Camera film_camera(const Model& model, double yaw, double pitch, double roll) {
-    return turned_camera(model.config().camera, head_middle, yaw, pitch, roll, whole_head_distance);
+Camera film_camera(const Model& model, const CodeFile& face, double yaw, double pitch,
+                   double roll) {
+    const CameraConfig& camera = model.config().camera;
+    return turned_camera(camera, head_middle, yaw, pitch, roll, usual_distance(camera, face.pose));
 }
 
 /// A renderer for the face from the sides that a film may show.
 ChosenRenderer film_renderer(const DrivenFaceOptions& options, const Model& model,
-                             const Codes& face) {
+                             const CodeFile& face) {
     constexpr int sides = 96;  // of which six are checked, from -40 to 40 degrees
     constexpr double largest_yaw = 48.0;
     std::vector<FaceView> views;
     for (int i = 0; i < sides; ++i) {
         const double yaw = largest_yaw * (2.0 * i / (sides - 1) - 1.0);
-        views.push_back({face, film_camera(model, radians_from_degrees(yaw), 0.0, 0.0)});
+        views.push_back(
+            {face.codes, film_camera(model, face, radians_from_degrees(yaw), 0.0, 0.0)});
     }
     return choose_renderer(model, views,
                            {.mode = model.decoder().folds() ? RenderMode::skip : RenderMode::exact,
@@ -57,7 +60,7 @@ DrivenFace::DrivenFace(DrivenFaceOptions options, const Model& model, CodeFile f
       detector_(detector),
       face_(std::move(face)),
       neutral_(mean_expression(model)),
-      chosen_(film_renderer(options_, model, face_.codes)) {
+      chosen_(film_renderer(options_, model, face_)) {
     if (options_.identity.empty()) return;
     identity_.emplace(options_.identity);
     chosen_.renderer.show(face_.codes);
@@ -81,7 +84,7 @@ Tensor DrivenFace::frame(const FilmFrame& seen) {
 
 Tensor DrivenFace::rendered(const Codes& codes, double yaw, double pitch, double roll) {
     chosen_.renderer.show(codes);
-    const View view = chosen_.renderer.render(film_camera(model_, yaw, pitch, roll));
+    const View view = chosen_.renderer.render(film_camera(model_, face_, yaw, pitch, roll));
     return with_soft_edge(view.image, view.mask);
 }
 

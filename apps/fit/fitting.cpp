@@ -8,6 +8,7 @@
 #include <set>
 #include <sstream>
 
+#include "apps/common/command_line.h"
 #include "apps/common/fit_options.h"
 #include "apps/common/table.h"
 #include "core/angle.h"
@@ -194,7 +195,7 @@ AppResult FolderFit::result(double seconds, bool stopped) {
         if (failure.empty()) continue;
         if (failed.empty()) first = file + ": " + failure;
         failed.push_back(JsonValue::object({{"file", file}, {"reason", failure}}));
-        text << "skipped " << file << ": " << failure << '\n';
+        text << one_line("skipped " + file + ": " + failure) << '\n';
     }
     if (!scan_.left_out.empty()) text << left_out_text(scan_.left_out) << '\n';
     const std::int64_t fitted = done - std::ssize(failed);
@@ -217,7 +218,10 @@ AppResult FolderFit::result(double seconds, bool stopped) {
                                                     {"failed", failed},
                                                     {"ranks", ranks_.size()},
                                                     {"photos_a_minute", a_minute}})};
-    write_file(results_.path() / "report.json", result.json.text() + "\n", Durability::none);
+    const bool repeats =
+        done == before && gone.empty() && std::filesystem::exists(results_.path() / "report.json");
+    if (!repeats)
+        write_file(results_.path() / "report.json", result.json.text() + "\n", Durability::none);
     if (done < found)
         result.incomplete = "interrupted after " + std::to_string(done) + " of " +
                             std::to_string(found) + " photos; the same command continues";

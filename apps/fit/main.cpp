@@ -57,7 +57,8 @@ std::string summary(const stymo::FitReport& report, const stymo::FittedFaces& do
     return text.str();
 }
 
-/// The output folder of each photo.
+/// The output folder of each photo. What an earlier fit has left there stays until this one has
+/// codes.
 class Output {
 public:
     /// `mark` is that of the model.
@@ -69,22 +70,40 @@ public:
         for (const stymo::Face& face : faces) {
             folders_.push_back(faces.size() == 1 ? folder_ : folder_ / face.id);
             stymo::require_writable_folder(folders_.back());
+            stymo::remove_temporary_files(folders_.back());
+            replaces_ = replaces_ || std::filesystem::exists(folders_.back() / "codes.json");
         }
+        if (replaces_)
+            std::cerr << "warning: " << folder_.string() << ": the fit that it holds"
+                      << (std::filesystem::exists(tuned_file()) ? " and its tuned weights" : "")
+                      << " will be replaced" << std::endl;
+    }
+    /// Shows what was prepared before the fit, which takes longer.
+    void show(std::size_t photo, const stymo::Tensor& aligned, const stymo::Tensor& overlay) {
+        previews_.push_back({of(photo), aligned, overlay});
+        if (!replaces_) write_previews();
     }
     [[nodiscard]] const std::filesystem::path& of(std::size_t photo) const {
         return folders_.at(photo);
     }
     [[nodiscard]] std::filesystem::path tuned_file() const { return folder_ / "tuned.safetensors"; }
-    /// Writes what the fit has found before the decoder is tuned, which takes long. Changes of
-    /// weights that an earlier fit has left belong to other codes.
-    void write_codes(const stymo::FitResult& result) const {
-        std::error_code ignored;
-        std::filesystem::remove(tuned_file(), ignored);
+    /// Writes what the fit has found before the decoder is tuned, which takes long; nothing if that
+    /// would replace an earlier fit by an interrupted one. Changes of weights and pictures that an
+    /// earlier fit has left belong to other codes.
+    void write_codes(const stymo::FitResult& result) {
+        if (replaces_ && stymo::interrupted()) return;
+        has_codes_ = true;
+        for (const std::filesystem::path& folder : folders_)
+            for (const char* name : {"aligned.png", "overlay.png"})
+                if (replaces_) std::filesystem::remove(folder / name);
+        write_previews();
         for (std::size_t i = 0; i < folders_.size(); ++i)
             stymo::write_code_file(of(i) / "codes.json", result.fitted,
                                    static_cast<std::int64_t>(i),
                                    stymo::pose_from_camera(result.cameras[i]), mark_);
+        std::filesystem::remove(tuned_file());
     }
+    [[nodiscard]] bool has_codes() const { return has_codes_; }
     void write_report(std::size_t photo, const stymo::FitReport& report,
                       const stymo::JsonValue& json) const {
         stymo::write_image(of(photo) / "fit.png", stymo::comparison_sheet(report));
@@ -94,9 +113,24 @@ public:
     }
 
 private:
+    struct Preview {
+        std::filesystem::path folder;
+        stymo::Tensor aligned, overlay;
+    };
+    void write_previews() {
+        for (const Preview& preview : previews_) {
+            stymo::write_image(preview.folder / "aligned.png", preview.aligned);
+            stymo::write_image(preview.folder / "overlay.png", preview.overlay);
+        }
+        previews_.clear();
+    }
+
     std::filesystem::path folder_;
     std::string mark_;
     std::vector<std::filesystem::path> folders_;
+    std::vector<Preview> previews_;  ///< not written yet
+    bool replaces_ = false;          ///< an earlier fit
+    bool has_codes_ = false;
 };
 
 /// The photos' faces, and the warnings of those that were prepared.
@@ -133,8 +167,7 @@ Faces prepared(const stymo::FitJob& job, const stymo::FaceSource& source, Output
     }
     output.begin(result.faces);
     for (std::size_t i = 0; i < photos.size(); ++i) {
-        stymo::write_image(output.of(i) / "aligned.png", photos[i].aligned);
-        stymo::write_image(output.of(i) / "overlay.png", photos[i].overlay);
+        output.show(i, photos[i].aligned, photos[i].overlay);
         for (const std::string& warning : result.warnings[i])
             std::cerr << "warning: " << result.faces[i].id << ": " << warning << std::endl;
     }
@@ -150,7 +183,7 @@ Faces faces_of(const Options& options, const stymo::FitJob& job, Output& output)
 
 /// Fits and tunes with bars of progress.
 stymo::FittedFaces fitted(const stymo::FitJob& job, const std::vector<stymo::Face>& faces,
-                          const Output& output) {
+                          Output& output) {
     stymo::Progress fitting({.title = "fit", .total = job.options().fit.steps, .unit = "steps"});
     // If time is the limit, progress is in thousandths of the time.
     const stymo::TuningOptions& tuning = job.options().tuning;
@@ -176,7 +209,7 @@ stymo::FittedFaces fitted(const stymo::FitJob& job, const std::vector<stymo::Fac
     };
     stymo::FittedFaces done = job.fit(job.batch_of(faces), observer);
     if (tuned) tuned->finish();
-    if (done.changes) done.changes->save(output.tuned_file());
+    if (done.changes && output.has_codes()) done.changes->save(output.tuned_file());
     return done;
 }
 
@@ -270,6 +303,9 @@ stymo::AppResult fit(const Options& options, const stymo::CommandLine& line) {
 
     const stymo::InterruptGuard guard;
     const stymo::FittedFaces done = fitted(job, photos.faces, output);
+    if (!output.has_codes())
+        return {
+            "", {}, done.incomplete + "; the earlier fit in " + options.out.string() + " stays"};
     stymo::AppResult result = reports(fitting, photos, done, output);
     if (job.options().tunes())
         stymo::count_for_report("tuning_steps", std::ssize(done.tuning.losses));
@@ -330,7 +366,8 @@ int stymo_fit(int argc, char** argv) {
     line.option("--out", options.out,
                 "output folder: fit.png, render.png, codes.json, report.json; also aligned.png and "
                 "overlay.png if the photo is prepared, and tuned.safetensors with --tune. With "
-                "--images: faces.jsonl, codes/ID.json, fits/ID.jpg, report.json")
+                "--images: faces.jsonl, codes/ID.json, fits/ID.jpg, tuned/ID.safetensors, "
+                "report.json")
         .required()
         .keeps_results();
     stymo::declare_preparation_files(line, options.fit.job.preparation);

@@ -36,7 +36,7 @@ std::string text_of(const stymo::PrepareReport& report, const Options& options) 
         text << "; mean IoU of the new and the given masks: " << std::setprecision(3)
              << *report.mask_agreement << std::setprecision(1);
     for (const stymo::BrokenFile& item : report.failed)
-        text << "\nskipped " << item.file << ": " << item.reason;
+        text << '\n' << stymo::one_line("skipped " + item.file + ": " + item.reason);
     if (!report.left_out.empty()) text << '\n' << stymo::left_out_text(report.left_out);
     for (const stymo::FaceWarning& item : report.warnings)
         text << "\n" << item.id << ": " << item.warning;

@@ -1,3 +1,5 @@
+#include <algorithm>
+#include <array>
 #include <string>
 #include <vector>
 
@@ -6,6 +8,7 @@
 #include "apps/common/tools.h"
 #include "apps/render/images.h"
 #include "nn/realtime/mesh_colors.h"
+#include "nn/realtime/view.h"
 
 namespace {
 
@@ -14,8 +17,12 @@ void require_names(const stymo::RenderOptions& options) {
         stymo::fail<stymo::UsageError>("--codes is required");
     if (options.out.empty() && options.mesh.empty())
         stymo::fail<stymo::UsageError>("--out is required");
-    if (options.sample > 0 && options.out.empty())
-        stymo::fail<stymo::UsageError>("--sample needs --out, a folder");
+    constexpr std::array films{".gif", ".webp", ".mp4"};
+    const std::string extension = options.out.extension().string();
+    const bool names_film = std::ranges::find(films, extension) != films.end();
+    const bool names_image = extension == ".png" || extension == ".jpg" || extension == ".exr";
+    if (options.sample > 0 && (options.out.empty() || names_film || names_image))
+        stymo::fail<stymo::UsageError>("--sample needs --out, the name of a folder");
     if (!options.take.empty() && options.to.empty() && options.sample == 0)
         stymo::fail<stymo::UsageError>("--take requires --to or --sample");
     if (!options.mesh.empty()) stymo::require_extension(options.mesh, {".ply"});
@@ -27,6 +34,10 @@ void require_names(const stymo::RenderOptions& options) {
         stymo::fail<stymo::UsageError>(
             "--sample changes all groups of --codes: name those to change with --take");
     if (options.sample > 0 || options.out.empty()) return;
+    if (names_film && options.orbit == 0 && options.to.empty())
+        stymo::fail<stymo::UsageError>(options.out.string(),
+                                       ": the name must end in .png or .jpg or .exr; films need "
+                                       "--orbit, or --to another face");
     if (options.orbit > 0) {
         stymo::require_extension(options.out, {".gif", ".webp", ".mp4"});
     } else if (!options.to.empty()) {
@@ -50,6 +61,8 @@ stymo::AppResult render(stymo::RenderOptions options, const stymo::CommonOptions
         images = stymo::write_new_faces(options, model, common.seed);
     } else {
         const stymo::CodeFile face = stymo::read_own_codes(options.codes, options.model);
+        if (!options.distance && options.leaves_photo())
+            options.distance = stymo::usual_distance(model.config().camera, face.pose);
         for (const std::filesystem::path& file : {options.out, options.mesh}) {
             if (!file.empty()) stymo::require_folder_of(file);
         }
@@ -90,7 +103,8 @@ void declare_view(stymo::Command& line, stymo::RenderOptions& options) {
     line.option(
             "--distance", options.distance,
             "distance of the camera, as a multiple of that of photos. Default: 1.15, which also "
-            "shows hair that photos cut, but 1 for the pose of --codes")
+            "shows hair that photos cut, or that of the photo if it is farther, but 1 for the pose "
+            "of --codes")
         .range(0.6, 2.5);
     line.option("--around", options.around,
                 "what the head turns around: its middle, so that from -45 to 45 degrees no more of "

@@ -249,7 +249,9 @@ FaceQuery face_query(const std::string& json) {
     } else if (object.contains("source")) {
         query.source = FaceQuery::Source::mixed;
         query.other = text(object, "source");
-        for (const Json& group : member(object, "groups")) {
+        const Json& groups = member(object, "groups");
+        if (!groups.is_array() || groups.empty()) refuse("\"groups\" names no group");
+        for (const Json& group : groups) {
             const auto found = std::ranges::find(
                 code_names, group.is_string() ? group.get<std::string>() : std::string());
             if (found == code_names.end()) refuse("\"groups\" are id, expr, tex, light");

@@ -38,8 +38,10 @@ private:
 };
 
 fs::path temporary_beside(const fs::path& path) {
-    return path.parent_path() / ("." + path.stem().string() + "." + name_of_this_write() + ".part" +
-                                 path.extension().string());
+    // A name may have 255 bytes.
+    constexpr std::size_t most_of_name = 100;
+    return path.parent_path() / ("." + path.stem().string().substr(0, most_of_name) + "." +
+                                 name_of_this_write() + ".part" + path.extension().string());
 }
 
 /// Whether `temporary_beside` made this name.
@@ -136,8 +138,12 @@ std::string read_file(const fs::path& path) {
     constexpr std::uintmax_t least = 4096;
     std::string text(ignored ? least : std::max(size + 1, least), '\0');
     std::size_t filled = 0;
+    const bool may_be_endless = !fs::is_regular_file(path, ignored);
+    constexpr std::size_t most_of_endless = std::size_t{1} << 30U;
     while (const std::size_t count = read_some(path, file, std::span(text).subspan(filled))) {
         filled += count;
+        if (may_be_endless && filled > most_of_endless)
+            fail<FileError>(path.string(), ": cannot be read (is no file, and has no end)");
         if (filled == text.size()) text.resize(2 * filled);
     }
     text.resize(filled);

@@ -68,6 +68,25 @@ struct CloseInput {
 };
 using InputFile = std::unique_ptr<AVFormatContext, CloseInput>;
 
+/// A name that FFmpeg takes for that of a file even if it has a colon.
+std::string file_name(const fs::path& path) {
+    return fs::absolute(path).string();
+}
+
+/// Opens a film or sound of a kind that is in the file itself: playlists and lists would open other
+/// files. Returns FFmpeg's code.
+int open_film(const fs::path& path, AVFormatContext*& opened) {
+    AVDictionary* options = nullptr;
+    av_dict_set(&options, "format_whitelist",
+                "mov,mp4,matroska,webm,avi,mpegts,mpeg,mpegvideo,flv,asf,ogg,mxf,gif,webp,apng,"
+                "h264,hevc,av1,ivf,m4v,dv,nut,yuv4mpegpipe,mp3,wav,w64,aac,ac3,flac,aiff",
+                0);
+    av_dict_set(&options, "protocol_whitelist", "file", 0);
+    const int code = avformat_open_input(&opened, file_name(path).c_str(), nullptr, &options);
+    av_dict_free(&options);
+    return code;
+}
+
 /// Shares of red and blue in the luma of a film's colour space; those of BT.601, which OpenCV
 /// takes for every film, where it names none.
 struct Luma {
@@ -106,14 +125,15 @@ struct FilmFacts {
     std::optional<cv::Matx33d> recoloring{};  ///< of OpenCV's colours
 };
 
-FilmFacts film_facts(const fs::path& path) {
+/// Nothing for what is no film.
+std::optional<FilmFacts> film_facts(const fs::path& path) {
     silence_ffmpeg();
     AVFormatContext* opened = nullptr;
-    if (avformat_open_input(&opened, path.c_str(), nullptr, nullptr) < 0) return {};
+    if (open_film(path, opened) < 0) return std::nullopt;
     const InputFile file(opened);
-    if (avformat_find_stream_info(file.get(), nullptr) < 0) return {};
+    if (avformat_find_stream_info(file.get(), nullptr) < 0) return std::nullopt;
     const int index = av_find_best_stream(file.get(), AVMEDIA_TYPE_VIDEO, -1, -1, nullptr, 0);
-    if (index < 0) return {};
+    if (index < 0) return std::nullopt;
     const AVStream& stream = *file->streams[index];
     FilmFacts facts{.frames = stream.nb_frames};
     if (stream.avg_frame_rate.num > 0 && stream.avg_frame_rate.den > 0)
@@ -174,10 +194,11 @@ FilmReader::FilmReader(const fs::path& path, int most_side)
                                                                                : "no such file");
     silence_ffmpeg();
     // A file with the name of a picture opens without a look at its contents.
-    if (!state_->film.open(path.string(), cv::CAP_FFMPEG) ||
+    const std::optional<FilmFacts> facts = film_facts(path);
+    if (!facts || !state_->film.open(file_name(path), cv::CAP_FFMPEG) ||
         state_->film.get(cv::CAP_PROP_FRAME_WIDTH) <= 0.0)
         fail<FileError>(path.string(), ": no film that can be read, or one that was cut off");
-    state_->facts = film_facts(path);
+    state_->facts = *facts;
 }
 FilmReader::~FilmReader() = default;
 FilmReader::FilmReader(FilmReader&&) noexcept = default;
@@ -221,8 +242,9 @@ FilmWriter::FilmWriter(const fs::path& path, const fs::path& file, std::int64_t 
         fail<FileError>(path.string(), ": cannot be written (", std::strerror(errno), ")");
     silence_ffmpeg();
     state_->size = {state_->width + state_->width % 2, state_->height + state_->height % 2};
-    state_->writer.open(file.string(), cv::CAP_FFMPEG, cv::VideoWriter::fourcc('a', 'v', 'c', '1'),
-                        frames_per_second, state_->size);
+    state_->writer.open(file_name(file), cv::CAP_FFMPEG,
+                        cv::VideoWriter::fourcc('a', 'v', 'c', '1'), frames_per_second,
+                        state_->size);
     if (!state_->writer.isOpened())
         fail<FileError>(path.string(),
                         ": cannot be written (no H.264 encoder for this size and rate)");
@@ -274,7 +296,7 @@ class Track {
 public:
     Track(const fs::path& path, AVMediaType type) : path_(path), packet_(av_packet_alloc()) {
         AVFormatContext* file = nullptr;
-        checked(avformat_open_input(&file, path.c_str(), nullptr, nullptr), path);
+        checked(open_film(path, file), path);
         file_.reset(file);
         checked(avformat_find_stream_info(file, nullptr), path);
         index_ = av_find_best_stream(file, type, -1, -1, nullptr, 0);
@@ -312,7 +334,8 @@ private:
 
 void write_both(std::array<Track, 2>& tracks, const fs::path& path) {
     AVFormatContext* file = nullptr;
-    checked(avformat_alloc_output_context2(&file, nullptr, "mp4", path.c_str()), path);
+    const std::string name = file_name(path);
+    checked(avformat_alloc_output_context2(&file, nullptr, "mp4", name.c_str()), path);
     const std::unique_ptr<AVFormatContext, CloseOutput> owner(file);
     std::array<bool, 2> more{};
     for (std::size_t i = 0; i < tracks.size(); ++i) {
@@ -322,7 +345,7 @@ void write_both(std::array<Track, 2>& tracks, const fs::path& path) {
         copy->time_base = tracks[i].stream().time_base;
         more[i] = tracks[i].next();
     }
-    checked(avio_open(&file->pb, path.c_str(), AVIO_FLAG_WRITE), path);
+    checked(avio_open(&file->pb, name.c_str(), AVIO_FLAG_WRITE), path);
     checked(avformat_write_header(file, nullptr), path);
     // The packet that is due first, so that little waits in memory.
     while (more[0] || more[1]) {

@@ -1,5 +1,8 @@
 #include "core/io/folder_in_progress.h"
 
+#include <fcntl.h>
+
+#include <cstdio>
 #include <set>
 #include <string>
 #include <system_error>
@@ -18,6 +21,14 @@ void rename_or_fail(const fs::path& from, const fs::path& to) {
     std::error_code error;
     fs::rename(from, to, error);
     if (error) fail<FileError>(to.string(), ": cannot be written (", error.message(), ")");
+}
+
+/// Whether a folder has a file for each one of another folder.
+bool replaces_all(const fs::path& folder, const fs::path& other) {
+    for (const auto& entry : fs::recursive_directory_iterator(other))
+        if (!entry.is_directory() && !fs::exists(folder / entry.path().lexically_relative(other)))
+            return false;
+    return true;
 }
 
 }  // namespace
@@ -43,6 +54,10 @@ void FolderInProgress::finish() {
         rename_or_fail(path_, target_);
         return flush_names(parent);
     }
+    // In one step, so that no moment has files of both.
+    if (replaces_all(path_, target_) &&
+        ::renameat2(AT_FDCWD, path_.c_str(), AT_FDCWD, target_.c_str(), RENAME_EXCHANGE) == 0)
+        return flush_names(parent);
     std::vector<fs::path> files;
     std::set<fs::path> folders;
     for (const auto& entry : fs::recursive_directory_iterator(path_)) {

@@ -17,9 +17,9 @@ public:
 
     /// The temporary folder.
     [[nodiscard]] const std::filesystem::path& path() const { return path_; }
-    /// Flushes the files to the disk and renames the folder to `target`. If `target` exists, the
-    /// files move into it one by one and replace those of the same name. Throws FileError if
-    /// renaming fails.
+    /// Flushes the files to the disk and renames the folder to `target`. If `target` exists and has
+    /// files of other names, the files move into it one by one and replace those of the same name.
+    /// Throws FileError if renaming fails.
     void finish();
 
 private:

@@ -170,15 +170,40 @@ bool is_for_inks(std::string_view profile) {
     return profile.substr(std::min(place_of_space, profile.size()), 4) == "CMYK";
 }
 
+/// Whether the bytes begin as those of a format that is read, so that a file of which nothing can
+/// be decoded is a damaged image.
+bool begins_as_image(std::string_view bytes) {
+    constexpr std::size_t place_of_kind = 8, place_of_box = 4;
+    const auto has = [&](std::size_t at, std::string_view text) {
+        return bytes.substr(std::min(at, bytes.size())).starts_with(text);
+    };
+    using std::string_view_literals::operator""sv;
+    return (has(0, "RIFF") && has(place_of_kind, "WEBP")) || has(0, "GIF8") || has(0, "II*\0"sv) ||
+           has(0, "MM\0*"sv) || has(0, "\xFF\xD8\xFF") || has(0, "\x89PNG") ||
+           has(place_of_box, "ftypavif") || has(place_of_box, "ftypheic") ||
+           has(0, "\0\0\0\x0CjP  "sv);
+}
+
+/// Throws FileError for what is no file, as a pipe, which can be read only once.
+std::string bytes_of_image(const fs::path& path) {
+    std::error_code error;
+    if (fs::exists(path, error) && !fs::is_directory(path, error) &&
+        !fs::is_regular_file(path, error))
+        fail<FileError>(path.string(), ": is no file; write the image into one");
+    return read_image_bytes(path);
+}
+
 Pixels read_pixels(const fs::path& path, std::int64_t most_pixels) {
-    const std::string bytes = read_image_bytes(path);
+    const std::string bytes = bytes_of_image(path);
     OIIO::ImageSpec hints;
     // Multiplying here ignores the file's gamma tag.
     hints.attribute("oiio:UnassociatedAlpha", 1);
     const auto input = OIIO::ImageInput::open(path.string(), &hints);
     if (!input) {
         static_cast<void>(OIIO::geterror());
-        fail<FileError>(path.string(), ": not an image");
+        fail<FileError>(path.string(), begins_as_image(bytes) ? ": damaged image, or one of a kind "
+                                                                "that cannot be read"
+                                                              : ": not an image");
     }
     const OIIO::ImageSpec& spec = input->spec();
     if (spec.deep || spec.depth > 1 || spec.width <= 0 || spec.height <= 0 || spec.nchannels <= 0)

@@ -42,6 +42,8 @@ bool is_key(std::string_view rest) {
 }  // namespace
 
 std::optional<std::string> json_fault(std::string_view text) {
+    // The parser takes a zero byte for the end.
+    if (text.find('\0') != std::string_view::npos) return "holds a zero byte";
     std::vector<std::set<std::string>> open;  // the keys so far of each open object or array
     for (std::size_t i = 0; i < text.size(); ++i) {
         const char letter = text[i];

@@ -82,7 +82,10 @@ void require_proportions(const Tensor& photo, const Tensor& mask) {
     const double stretch = static_cast<double>(mask.shape(1) * photo.shape(0)) /
                            static_cast<double>(mask.shape(0) * photo.shape(1));
     constexpr double rounding = 0.02;
-    if (std::abs(stretch - 1.0) > rounding) fail<ValueError>("its mask has other proportions");
+    if (std::abs(stretch - 1.0) > rounding)
+        fail<ValueError>("its mask has ", mask.shape(1), " x ", mask.shape(0),
+                         " pixels, which are other proportions than ", photo.shape(1), " x ",
+                         photo.shape(0));
 }
 
 /// The mask at the photo's own size.
@@ -291,7 +294,8 @@ std::string PhotoPreparation::Implementation::failure_of(
                                   : least_resolution * static_cast<double>(wanted_side());
     if (crop.side_in_photo < least_side)
         return "its face is too small (a crop of " +
-               std::to_string(std::llround(crop.side_in_photo)) + " pixels a side)";
+               std::to_string(std::llround(crop.side_in_photo)) + " pixels a side, at least " +
+               std::to_string(std::llround(least_side)) + " are needed); use a larger photo";
     if (!(crop.share_outside <= largest_unknown_share))
         return "its face is cut off (" + std::to_string(std::lround(100.0 * crop.share_outside)) +
                " percent of the crop lie outside the photo)";

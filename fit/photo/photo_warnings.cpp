@@ -9,7 +9,8 @@ namespace stymo {
 namespace {
 
 constexpr double largest_share_outside = 0.10;
-constexpr double largest_yaw_deg = 60.0;
+/// Fits of true profiles end between 45 and 60 degrees.
+constexpr double largest_yaw_deg = 45.0;
 constexpr double least_covered = 0.05;
 constexpr double most_covered = 0.95;
 constexpr double doubtful_landmark_error = 0.04;
@@ -53,10 +54,12 @@ std::vector<std::string> photo_warnings(const PhotoFindings& findings) {
         warnings.push_back(line("the head is cut off: ", percent(findings.share_outside),
                                 " percent of the crop lie outside the photo, where the model alone "
                                 "decides; use a photo with more space around the head"));
-    if (std::abs(degrees_from_radians(findings.yaw)) > largest_yaw_deg)
-        warnings.push_back(
-            line("the head is turned by ", std::lround(degrees_from_radians(findings.yaw)),
-                 " degrees, and half of the face is hidden; use a photo from nearer the front"));
+    const bool is_profile = std::abs(degrees_from_radians(findings.yaw)) > largest_yaw_deg;
+    if (is_profile)
+        warnings.push_back(line(
+            "the head is turned by ", std::lround(degrees_from_radians(findings.yaw)),
+            " degrees or more, and half of the face is hidden, so its pose may be wrong; use a "
+            "photo from nearer the front"));
     if (findings.covered_share < least_covered || findings.covered_share > most_covered)
         warnings.push_back(line("the head mask covers ", percent(findings.covered_share),
                                 " percent of the image; give ",
@@ -69,9 +72,10 @@ std::vector<std::string> photo_warnings(const PhotoFindings& findings) {
     constexpr const char* ignore =
         "; if something covers them, leave it out with stymo-fit --ignore, or Covered in the "
         "viewer";
-    if (look.covers.mouth > surely_covered || look.mouth_in_mask < in_head)
+    // Of a profile the far half is hidden, not covered.
+    if (!is_profile && (look.covers.mouth > surely_covered || look.mouth_in_mask < in_head))
         warnings.push_back(line("mouth and chin do not look like the rest of the face", ignore));
-    if (look.covers.eyes > surely_covered || look.eyes_in_mask < in_head)
+    if (!is_profile && (look.covers.eyes > surely_covered || look.eyes_in_mask < in_head))
         warnings.push_back(line("the eyes do not look like the rest of the face", ignore));
     if (look.brightness < dark)
         warnings.push_back(line("the photo is dark (its brightest parts reach ",

@@ -25,8 +25,9 @@ FaceCrop face_of(const PhotoPreparation& preparation, const Tensor& photo, const
         return preparation.crops(photo, {.known = known}).front();
     } catch (const ValueError& error) {
         const PhotoPreparationSettings& settings = preparation.settings();
-        fail<FileError>(name, ": ", error.what(),
-                        settings.face > 0 ? std::string() : settings.no_face_advice);
+        const std::string reason = error.what();
+        const bool advised = reason.starts_with("no face was found") && settings.face == 0;
+        fail<FileError>(name, ": ", reason, advised ? settings.no_face_advice : std::string());
     }
 }
 

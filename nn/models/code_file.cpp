@@ -61,7 +61,9 @@ Json parsed(const std::string& text, const std::string& source) {
         json = Json::parse(text);
     } catch (const Json::exception& error) {
         const std::string message = plain_message(error);  // "parse error at line 1, column 2: ..."
-        fail<FileError>(source, ": not JSON: ", message.substr(0, message.find(':')));
+        const bool has_lines = std::filesystem::path(source).extension() == ".jsonl";
+        fail<FileError>(source, ": not JSON: ", message.substr(0, message.find(':')),
+                        has_lines ? "; it has a face a line: write one of them to a file" : "");
     }
     return json;
 }
@@ -98,8 +100,10 @@ CodeFile parse_code_file(const std::string& text, const std::string& source) {
                          .to(DType::float32));
     }
     result.pose = pose_of(json, source);
-    if (const auto model = json.find("model"); model != json.end() && model->is_string())
+    if (const auto model = json.find("model"); model != json.end()) {
+        if (!model->is_string()) fail<FileError>(source, ": \"model\" is no text");
         result.model = model->get<std::string>();
+    }
     return result;
 }
 

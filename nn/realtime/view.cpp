@@ -81,6 +81,13 @@ Camera model_camera(const Model& model, double yaw, double pitch, double roll) {
     return turned_camera(camera, camera.pivot_depth, yaw, pitch, roll);
 }
 
+double usual_distance(const CameraConfig& camera, const Pose& photo) {
+    const Eigen::Vector3d middle(0.0, 0.0, head_middle);
+    const Camera own = camera_from_pose(photo, camera.intrinsics);
+    return std::max(whole_head_distance,
+                    (own.center - middle).norm() / (camera.distance - head_middle));
+}
+
 Camera turned_about_head(Camera camera, double yaw, double pitch) {
     const Eigen::Matrix3d turn = rotation_from_angles(yaw, pitch, 0.0);
     const Eigen::Vector3d middle(0.0, 0.0, head_middle);

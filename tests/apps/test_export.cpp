@@ -145,6 +145,7 @@ TEST_CASE("What cannot be exported is refused in one line, and nothing is writte
     };
     refused(with("Timecode,BlendShapeCount,jawOpen\n"), 1, "has no column EyeBlinkLeft", "no.json");
     refused(with(""), 1, "has no column EyeBlinkLeft", "no.json");
+    refused(with("Timecode,JawOpen,JawOpen\n"), 1, "has two columns JawOpen", "no.json");
     done(arkit + "--out good.csv");
     const std::string good = stymo::read_file(tiny_run() / "good.csv");
     refused(with(good + "1,2\n"), 1, "line 3 has 2 cells, the first 63", "no.json");

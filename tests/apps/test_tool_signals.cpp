@@ -84,6 +84,29 @@ TEST_CASE("A fit that is interrupted keeps what it has and says so") {
     CHECK(fs::exists(tiny_run() / "stopped_fit/codes.json"));
 }
 
+TEST_CASE("A fit that is interrupted leaves an earlier fit in its folder alone") {
+    const std::string fit =
+        "stymo-fit --model run/model.safetensors --as-is --out kept_fit --image faces/images/";
+    const ToolOutcome first =
+        stymo::run_tool(tiny_run(), fit + "00000.png --steps 2 --tune-steps 1");
+    REQUIRE(first.exit_code == 0);
+    const auto bytes = [] {
+        std::string all;
+        for (const char* name : {"codes.json", "fit.png", "report.json", "tuned.safetensors"})
+            all += stymo::read_file(tiny_run() / "kept_fit" / name);
+        return all;
+    };
+    const std::string before = bytes();
+    const ToolOutcome second = interrupted(fit + "00001.png --steps 1000000", "fit ", SIGINT);
+    CHECK(second.exit_code == 1);
+    CHECK_THAT(
+        second.err,
+        Catch::Contains("warning: kept_fit: the fit that it holds and its tuned weights will "
+                        "be replaced\n") &&
+            Catch::EndsWith(" of 1000000 steps; the earlier fit in kept_fit stays\n"));
+    CHECK(bytes() == before);
+}
+
 TEST_CASE(
     "An evaluation that is interrupted gives the scores of the faces it has finished, says so, and "
     "goes on from there") {

@@ -62,6 +62,32 @@ TEST_CASE("a write of a file during another one leaves both whole, and the last 
     CHECK(folder.file_count() == 1);
 }
 
+TEST_CASE("the longest name of a file can be written") {
+    const ScratchFolder folder;
+    const std::string name = std::string(251, 'a') + ".png";
+    write_file(folder / name, "whole", Durability::none);
+    CHECK(read_file(folder / name) == "whole");
+}
+
+TEST_CASE("what has no end is no file") {
+    CHECK_THROWS_WITH(read_file("/dev/zero"), Catch::Contains("has no end"));
+    CHECK(read_file("/dev/null").empty());
+}
+
+TEST_CASE("a folder that replaces another one does so whole") {
+    const ScratchFolder folder;
+    const auto target = folder / "run";
+    for (const char* text : {"old", "new"}) {
+        FolderInProgress next(target);
+        for (const char* name : {"a.txt", "b.txt"})
+            write_file(next.path() / name, text, Durability::none);
+        next.finish();
+    }
+    CHECK(read_file(target / "a.txt") == "new");
+    CHECK(read_file(target / "b.txt") == "new");
+    CHECK(std::distance(std::filesystem::directory_iterator(folder.path()), {}) == 1);
+}
+
 TEST_CASE("folders in progress of one target do not meet, and leave nothing beside it") {
     const ScratchFolder folder;
     const auto target = folder / "run";

@@ -80,6 +80,22 @@ TEST_CASE("Films that are cut off and files that are no films are refused") {
     CHECK_THROWS_AS(FilmReader(folder / std::string(300, 'a')), FileError);
 }
 
+TEST_CASE("A list of films is no film, and a colon in a name is part of it") {
+    const ScratchFolder folder;
+    write_grey(folder / "a.mp4", 2);
+    write_file(folder / "list.mp4", "ffconcat version 1.0\nfile a.mp4\n");
+    write_file(folder / "play.mp4", "#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\na.mp4\n");
+    for (const char* name : {"list.mp4", "play.mp4"}) {
+        CHECK_THROWS_WITH(FilmReader(folder / name), Contains("no film"));
+        CHECK_THROWS_AS(add_sound(folder / name, folder / "a.mp4"), FileError);
+    }
+    const std::filesystem::path before = std::filesystem::current_path();
+    std::filesystem::current_path(folder.path());
+    write_grey("film:1.mp4", 2);
+    CHECK(FilmReader("film:1.mp4").next());
+    std::filesystem::current_path(before);
+}
+
 TEST_CASE("A film that cannot be written names itself and the cause") {
     const ScratchFolder folder;
     CHECK_THROWS_WITH(write_grey(folder / "none/a.mp4", 1),

@@ -20,6 +20,7 @@ TEST_CASE("JSON that a parser would misread is told apart") {
         INFO(twice);
         CHECK(json_fault(twice) == "the key \"a\" is given twice in one object");
     }
+    CHECK(json_fault(std::string("{}\0{}", 5)) == "holds a zero byte");
 }
 
 TEST_CASE("JSON nested too deeply is refused, however deep") {

@@ -157,7 +157,7 @@ TEST_CASE("what lies outside a photo, or is said to be covered, is unknown in th
     CHECK(covered.fit_target.mask.values<float>().back() == 0.0F);
     CHECK(test::error_message<ValueError>([&] {
               static_cast<void>(crop(rendered.image.color, Tensor::zeros({228, 100, 1})));
-          }) == "its mask has other proportions");
+          }) == "its mask has 100 x 228 pixels, which are other proportions than 456 x 456");
 }
 
 TEST_CASE("a photo without a face, or with a mask of other proportions, is refused with the reason",
@@ -167,7 +167,7 @@ TEST_CASE("a photo without a face, or with a mask of other proportions, is refus
     const KnownOfPhoto wrong{Tensor::full({64, 80, 1}, 1.0), rendered.image.landmarks};
     CHECK(test::error_message<ValueError>([&] {
               static_cast<void>(preparation.crops(rendered.image.color, wrong));
-          }) == "its mask has other proportions");
+          }) == "its mask has 80 x 64 pixels, which are other proportions than 64 x 64");
     if (!FaceDetector::available()) return;
     const Tensor grey = Tensor::full({80, 100, 3}, 0.5);
     CHECK(test::error_message<ValueError>(

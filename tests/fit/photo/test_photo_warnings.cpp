@@ -40,6 +40,9 @@ TEST_CASE("each thing that looks wrong has a warning of its own", "[photo]") {
     PhotoFindings turned = good();
     turned.yaw = -1.2;
     check_only(turned, "turned by -69 degrees");
+    turned.yaw = 0.82;
+    turned.look.covers.eyes = turned.look.covers.mouth = 2.5;  // the far half
+    check_only(turned, "turned by 47 degrees or more");
     PhotoFindings empty = good();
     empty.covered_share = 0.04;
     check_only(empty, "give a mask");
