@@ -146,6 +146,7 @@ void FitJob::tune(FittedFaces& done, const FitObserver& observer) const {
                                 (steps == 1 ? " step" : " steps") +
                                 " in its time; give it more, or --tune-steps 100");
     done.changes = WeightChanges::between(model_, *tuned);
+    done.changes->name_face(done.fit.fitted);
     done.tuned.emplace(done.changes->applied_to(model_));
     done.incomplete.clear();
 }

@@ -174,11 +174,21 @@ void Trainer::count_epoch(double reconstruction_loss) {
         state_.mask_loss || epochs >= static_cast<double>(config_.loss.mask_start_epoch);
 }
 
-void Trainer::begin_with(const std::filesystem::path& model_file) {
+std::string Trainer::begin_with(const std::filesystem::path& model_file) {
     // A model's file is checked and converted from 16 bits by loading it.
     TensorFile weights;
-    Model::load(model_file).parameters().save(weights);
+    const Model initial = Model::load(model_file);
+    initial.parameters().save(weights);
     model_.parameters().load(weights, model_file.string());
+    const double before = initial.config().camera.intrinsics.focal,
+                 now = config_.model.camera.intrinsics.focal;
+    constexpr double rounding = 0.01;
+    if (std::abs(now - before) <= rounding * before) return {};
+    std::ostringstream note;
+    note << "warning: " << model_file.string() << " was trained with the focal length " << before
+         << ", the photos have " << now << ": prepare them with stymo-prep --focal " << before
+         << ", or the model learns another camera";
+    return note.str();
 }
 
 std::string Trainer::resume(const std::filesystem::path& folder) {

@@ -52,9 +52,10 @@ public:
     Trainer(const Trainer&) = delete;
     Trainer& operator=(const Trainer&) = delete;
 
-    /// Begins with the weights of a model of the same shape instead of random ones. Throws what
+    /// Begins with the weights of a model of the same shape instead of random ones. Returns a
+    /// warning if that model knows photos of another focal length; empty: none. Throws what
     /// Model::load and ParameterStore::load throw.
-    void begin_with(const std::filesystem::path& model_file);
+    [[nodiscard]] std::string begin_with(const std::filesystem::path& model_file);
     /// Continues from a checkpoint of a model of the same shape. State that the checkpoint lacks
     /// because its run did not use it (an EMA of the weights, a discriminator, the second stage's
     /// optimisers) is initialised. Throws FileError for a checkpoint that is damaged, does not

@@ -61,7 +61,11 @@ std::string model_mark(const ModelOptions& options) {
 }
 
 CodeFile read_own_codes(const std::filesystem::path& file, const ModelOptions& options) {
-    return read_code_file(file, model_mark(options));
+    CodeFile face = read_code_file(file, model_mark(options));
+    if (!options.tuned.empty() && !WeightChanges::load(options.tuned).are_of(face.codes))
+        std::cerr << "warning: " << options.tuned.string() << " was tuned for another face than "
+                  << file.string() << std::endl;
+    return face;
 }
 
 void require_not_read(const std::filesystem::path& out,

@@ -95,7 +95,10 @@ struct PreparedRun {
         if (config.data.validation > 0)
             validation = stymo::faces_for_training(options.data, config, stymo::Split::validation);
         trainer.emplace(config, training, validation ? &*validation : nullptr, common.seed, ranks);
-        if (!options.initial_model.empty()) trainer->begin_with(options.initial_model);
+        if (!options.initial_model.empty())
+            if (const std::string doubt = trainer->begin_with(options.initial_model);
+                !doubt.empty())
+                std::cerr << doubt << '\n';
         if (!options.resume.empty() && !options.dry_run)
             note =
                 trainer->resume(options.resume == "latest" ? stymo::latest_checkpoint(options.out)

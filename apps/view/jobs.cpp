@@ -243,7 +243,9 @@ Job::Body save_tuned(SharedState& shared, const ListedFace& face) {
         job.report("saving the tuned weights", 0, 0);
         const std::string bytes =
             written_bytes(".safetensors", [&](const std::filesystem::path& file) {
-                WeightChanges::between(*shared.model(), *face.model).save(file);
+                WeightChanges changes = WeightChanges::between(*shared.model(), *face.model);
+                changes.name_face(face.face.codes);
+                changes.save(file);
             });
         job.set_artifact({bytes, "application/octet-stream", "tuned.safetensors"});
     };

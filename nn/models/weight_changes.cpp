@@ -1,6 +1,8 @@
 #include "nn/models/weight_changes.h"
 
 #include <algorithm>
+#include <charconv>
+#include <cmath>
 #include <iterator>
 #include <span>
 #include <vector>
@@ -19,6 +21,7 @@ constexpr const char* decoder_prefix = "decoder.";
 constexpr const char* format_key = "format";
 constexpr const char* format_name = "stymo-weight-changes-1";
 constexpr const char* model_key = "model";
+constexpr const char* identity_key = "identity";
 
 std::string_view bytes_of(const Tensor& tensor) {
     return dispatch(tensor.dtype(), [&]<class T>(T) {
@@ -33,6 +36,18 @@ std::vector<Parameter> decoder_parameters(const Model& model) {
         model.parameters().all(), std::back_inserter(parameters),
         [](const Parameter& parameter) { return parameter.name().starts_with(decoder_prefix); });
     return parameters;
+}
+
+std::vector<float> identity_in(const std::string& text, const std::filesystem::path& path) {
+    std::vector<float> numbers;
+    for (const char *at = text.data(), *const end = at + text.size(); at != end; ++at) {
+        const auto [last, error] = std::from_chars(at, end, numbers.emplace_back());
+        if (error != std::errc() || last == end || *last != ' ') break;
+        at = last;
+    }
+    if (std::ssize(numbers) != code_sizes[0])
+        fail<FileError>(path.string(), ": \"", identity_key, "\" is not the code of a face");
+    return numbers;
 }
 
 }  // namespace
@@ -76,6 +91,8 @@ WeightChanges WeightChanges::load(const std::filesystem::path& path) {
                         "\"format\": \"", format_name, "\" or \"model\")");
     WeightChanges changes;
     changes.model_ = model->second;
+    if (const auto identity = file.metadata.find(identity_key); identity != file.metadata.end())
+        changes.identity_ = identity_in(identity->second, path);
     changes.differences_ = std::move(file.tensors);
     return changes;
 }
@@ -84,8 +101,25 @@ void WeightChanges::save(const std::filesystem::path& path) const {
     TensorFile file;
     file.metadata[format_key] = format_name;
     file.metadata[model_key] = model_;
+    for (const float number : identity_) file.metadata[identity_key] += exact_text(number) + ' ';
     file.tensors = differences_;
     write_tensor_file(path, file, StoredElements::float16);
+}
+
+void WeightChanges::name_face(const Codes& codes) {
+    const std::span<const float> rows = codes.identity().value().values<float>();
+    identity_.assign(rows.begin(), rows.begin() + code_sizes[0]);
+}
+
+bool WeightChanges::are_of(const Codes& codes) const {
+    const std::span<const float> other = codes.identity().value().values<float>();
+    double difference = 0.0, whole = 0.0;
+    for (std::size_t i = 0; i < identity_.size(); ++i) {
+        difference += std::pow(double{other[i]} - double{identity_[i]}, 2);
+        whole += std::pow(double{identity_[i]}, 2);
+    }
+    constexpr double largest_share = 0.1;  // of the square; other faces differ by about 1
+    return difference <= largest_share * whole;
 }
 
 void WeightChanges::apply(Model& model) const {

@@ -3,7 +3,9 @@
 #include <filesystem>
 #include <map>
 #include <string>
+#include <vector>
 
+#include "nn/models/codes.h"
 #include "nn/models/model.h"
 
 namespace stymo {
@@ -22,6 +24,12 @@ public:
     /// Writes the differences as 16-bit numbers, completely or not at all.
     void save(const std::filesystem::path& path) const;
 
+    /// Names the face that the decoder was tuned for, by the identity of row 0.
+    void name_face(const Codes& codes);
+    /// Whether row 0 is that face, by its identity; also if none is named. Codes whose expression,
+    /// texture or light was edited are.
+    [[nodiscard]] bool are_of(const Codes& codes) const;
+
     /// Adds the changes to the weights. Throws ValueError unless `model` is the one that they were
     /// made for.
     void apply(Model& model) const;
@@ -32,7 +40,8 @@ public:
     [[nodiscard]] const std::map<std::string, Tensor>& differences() const { return differences_; }
 
 private:
-    std::string model_;  ///< fingerprint of the weights before the changes
+    std::string model_;              ///< fingerprint of the weights before the changes
+    std::vector<float> identity_{};  ///< of the face; empty: unknown
     std::map<std::string, Tensor> differences_;
 };
 

@@ -447,6 +447,13 @@ TEST_CASE("A tuned face is written beside its codes, and rendered and mixed with
     done(
         "stymo-edit mix --model run/model.safetensors --tuned tuned/tuned.safetensors "
         "--source tuned/codes.json --target fit/codes.json --take id --out tuned/mixed");
+    json other = parsed_file(folder / "tuned/codes.json");
+    for (json& number : other["code"]["id"]) number = number.get<double>() + 0.5;
+    stymo::write_file(folder / "other_person.json", other.dump());
+    CHECK_THAT(done(tool + "--codes other_person.json --out other_person.png --tuned "
+                           "tuned/tuned.safetensors")
+                   .err,
+               Catch::Contains("was tuned for another face than other_person.json"));
     // The changes of an earlier face's weights do not stay beside the codes of another.
     done(std::string(fit) + "--data faces --id 00010 --steps 2 --out tuned");
     CHECK(names_in(folder / "tuned").count("tuned.safetensors") == 0);

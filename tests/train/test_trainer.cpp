@@ -156,20 +156,26 @@ TEST_CASE("a run begins with the weights of another model, also of 16 bits", "[t
     static_cast<void>(train(tiny_train_config(), folder / "first", 2));
     const fs::path model_file = folder / "first/model.safetensors";
     Trainer trainer(tiny_train_config(), faces(), nullptr, 6);
-    trainer.begin_with(model_file);
+    CHECK(trainer.begin_with(model_file).empty());
     CHECK(trainer.state().step == 0);
     CHECK(all_identical(values_of(trainer.model()), values_of(Model::load(model_file))));
     CHECK_FALSE(trainer.step().non_finite);
 
     const fs::path halves = folder / "half.safetensors";
     write_tensor_file(halves, read_tensor_file(model_file), StoredElements::float16);
-    trainer.begin_with(halves);
+    CHECK(trainer.begin_with(halves).empty());
     CHECK(all_identical(values_of(trainer.model()), values_of(Model::load(halves))));
+
+    TrainConfig nearer = tiny_train_config();
+    nearer.model.camera.intrinsics.focal *= 0.5;
+    Trainer of_other_photos(nearer, faces(), nullptr, 6);
+    CHECK_THAT(of_other_photos.begin_with(model_file), Catch::Contains("stymo-prep --focal"));
 
     TrainConfig wider = tiny_train_config();
     wider.model.decoder.field_width = 12;
     Trainer other(wider, faces(), nullptr, 5);
-    CHECK(error_message([&] { other.begin_with(model_file); }).find("shape") != std::string::npos);
+    CHECK(error_message([&] { return other.begin_with(model_file); }).find("shape") !=
+          std::string::npos);
 }
 
 TEST_CASE("the first losses of a run are those written down here", "[trainer]") {

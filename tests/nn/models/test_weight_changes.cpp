@@ -4,6 +4,7 @@
 #include "core/error.h"
 #include "core/io/file.h"
 #include "core/io/scratch_folder.h"
+#include "core/io/tensor_file.h"
 #include "core/ops/elementwise.h"
 #include "nn/models/weight_changes.h"
 #include "support/error_message.h"
@@ -54,6 +55,28 @@ TEST_CASE("changes of weights are those of the tuned parameters, and come back f
         for (std::size_t k = 0; k < actual.size(); ++k)
             REQUIRE(std::abs(actual[k] - expected[k]) <= 3e-4);
     }
+}
+
+TEST_CASE("changes of weights know whose they are, whatever the face does", "[weight_changes]") {
+    const ScratchFolder folder;
+    const std::filesystem::path file = folder / "tuned.safetensors";
+    WeightChanges changes = WeightChanges::between(tiny_model(1), moved_model(0.5));
+    const Codes own = random_codes(1, 1), other = random_codes(1, 2);
+    changes.save(file);
+    CHECK(WeightChanges::load(file).are_of(other));  // as files of earlier versions
+    changes.name_face(own);
+    changes.save(file);
+    const WeightChanges known = WeightChanges::load(file);
+    CHECK(known.are_of(own));
+    CHECK_FALSE(known.are_of(other));
+    Codes edited = other;
+    edited.groups[0] = own.groups[0] * 1.05;
+    CHECK(known.are_of(edited));
+
+    TensorFile damaged = read_tensor_file(file);
+    damaged.metadata["identity"] = "1 2 x";
+    write_tensor_file(file, damaged);
+    CHECK_THROWS_WITH(WeightChanges::load(file), Catch::Contains("is not the code of a face"));
 }
 
 TEST_CASE("changes of weights serve no other model", "[weight_changes]") {
