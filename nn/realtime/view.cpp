@@ -84,8 +84,10 @@ Camera model_camera(const Model& model, double yaw, double pitch, double roll) {
 double usual_distance(const CameraConfig& camera, const Pose& photo) {
     const Eigen::Vector3d middle(0.0, 0.0, head_middle);
     const Camera own = camera_from_pose(photo, camera.intrinsics);
+    // Photos have the whole head in the middle, views the middle of the head without its hair.
+    constexpr double margin = 1.1;
     return std::max(whole_head_distance,
-                    (own.center - middle).norm() / (camera.distance - head_middle));
+                    margin * (own.center - middle).norm() / (camera.distance - head_middle));
 }
 
 Camera turned_about_head(Camera camera, double yaw, double pitch) {

@@ -59,8 +59,8 @@ inline constexpr double significant_weight = 1e-3;
 inline constexpr double head_middle = 0.1;
 /// From this multiple of the model's distance an image rarely cuts the hair of a head.
 inline constexpr double whole_head_distance = 1.15;
-/// The multiple from which the head of a photo with this pose is shown whole: that one, or as far
-/// away as the photo, whose crop is wider where there is more hair.
+/// The multiple from which the head of a photo with this pose is shown whole: that one, or a tenth
+/// farther than the photo, whose crop is wider where there is more hair.
 [[nodiscard]] double usual_distance(const CameraConfig& camera, const Pose& photo);
 /// The camera turned about the middle of the head by these angles (radians).
 [[nodiscard]] Camera turned_about_head(Camera camera, double yaw, double pitch);
