@@ -1,6 +1,7 @@
 #include "apps/view/api.h"
 
 #include <array>
+#include <cmath>
 
 #include "apps/view/jobs.h"
 #include "core/angle.h"
@@ -9,6 +10,7 @@
 #include "core/io/json_writer.h"
 #include "core/ops/elementwise.h"
 #include "fit/edit/style_mix.h"
+#include "nn/realtime/view.h"
 
 namespace stymo::view {
 
@@ -20,9 +22,14 @@ constexpr std::int64_t most_camera_pixels = 1280 * 960;
 constexpr std::int64_t most_film_pixels = 900 * 256 * 256;
 
 JsonValue to_json(const std::string& id, const ListedFace& face) {
+    // As the page's address has it.
+    constexpr double digits = 1000.0;
+    const double distance = usual_distance(face.model->config().camera, face.face.pose);
+    const double rounded = std::ceil(digits * distance) / digits;
     return JsonValue::object({{"face", id},
                               {"name", face.name},
                               {"tuned", face.tuned},
+                              {"distance", rounded},
                               {"codes", text_of_codes(face.face.codes)}});
 }
 

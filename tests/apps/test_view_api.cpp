@@ -166,7 +166,9 @@ TEST_CASE("tuned weights that were saved are opened again, and no others", "[vie
         return view::written_bytes(".safetensors",
                                    [&](const std::filesystem::path& file) { changes.save(file); });
     };
-    const std::string weights = bytes_of(WeightChanges::between(model, tuned));
+    WeightChanges changes = WeightChanges::between(model, tuned);
+    changes.name_face(read_code_file(tiny_run() / "fit/codes.json").codes);
+    const std::string weights = bytes_of(changes);
     const auto opening = [&](const std::string& bytes) {
         const view::Answer answer = client.send("weights", bytes, {{"face", face}});
         return answer.status == 200 ? client.ended_job() : json::parse(answer.body);

@@ -9,6 +9,7 @@
 #include "core/io/jpeg.h"
 #include "core/rng.h"
 #include "fit/photo/face_detector.h"
+#include "nn/realtime/view.h"
 #include "render/morphable/builtin_head.h"
 #include "train/data/synthetic_faces.h"
 
@@ -89,6 +90,9 @@ TEST_CASE("of a photo with several faces another one is fitted", "[view]") {
     const json largest = fitted({});
     CHECK(largest["faces"] == 2);
     CHECK_THAT(largest["note"].get<std::string>(), Catch::Contains("Face in the viewer"));
+    // Seen from where its photo shows the whole head, or farther.
+    for (const json& face : client.json("faces")["faces"])
+        CHECK(face["distance"].get<double>() >= whole_head_distance);
     const json left = fitted({{"face", "1"}}), right = fitted({{"face", "2"}});
     CHECK(left["faces"] == 1);
     CHECK(codes_of(left) != codes_of(right));

@@ -4,7 +4,7 @@ import { ask, post } from "./api.js";
 import { paintCover } from "./cover.js";
 import { endJob, watchJob } from "./job.js";
 import { say } from "./message.js";
-import { change, state } from "./state.js";
+import { cameraFor, change, state } from "./state.js";
 
 const strip = document.getElementById("faces");
 const groupsBar = document.getElementById("groups");
@@ -32,7 +32,7 @@ export function showFace(id, sliders = {}) {
   const face = faceOf(id);
   if (!face) return;
   document.getElementById("tuned").hidden = !face.tuned;
-  change({ face: id, codes: face.codes, sliders });
+  change({ face: id, codes: face.codes, sliders, camera: cameraFor(face.distance) });
   mark();
 }
 

@@ -1,7 +1,8 @@
 // What is shown: the face, the sliders, the camera. It is in the address of the page, so that a
 // reload or a shared link shows the same.
 
-// From here the image cuts no hair (whole_head_distance in nn/realtime/view.h).
+// From here the image cuts no hair; the distance is that of the face (usual_distance in
+// nn/realtime/view.h).
 const front = { yaw: 0, pitch: 0, roll: 0, distance: 1.15 };
 
 export const state = {
@@ -42,6 +43,13 @@ export function turn(yaw, pitch, distance = 1) {
     pitch: clamp(camera.pitch + pitch, -60, 60),
     distance: clamp(camera.distance * distance, 0.6, 2.5),
   } });
+}
+
+/// The camera for a face with this usual distance, unless the viewer has chosen another one.
+export function cameraFor(distance) {
+  const isUsual = state.camera.distance === front.distance;
+  front.distance = distance;
+  return isUsual ? { ...state.camera, distance } : state.camera;
 }
 
 export function resetView() {
