@@ -118,7 +118,7 @@ std::vector<bool> hidden_triangles(const MorphableHead& head, const Chart& chart
 /// would have hardly a texel.
 std::vector<Chart> hidden_pieces(const MorphableHead& head, const Chart& chart,
                                  std::vector<bool>& hidden) {
-    constexpr std::size_t least_triangles = 16;
+    constexpr std::size_t least_triangles = 48;
     std::vector<Triangle> triangles;
     for (std::size_t i = 0; i < hidden.size(); ++i)
         if (hidden[i]) triangles.push_back(head.triangles[chart.triangles[i]]);
@@ -139,6 +139,15 @@ std::vector<Chart> hidden_pieces(const MorphableHead& head, const Chart& chart,
     return pieces;
 }
 
+HeadPart part_of(const MorphableHead& head, const Chart& chart) {
+    return head.parts[static_cast<std::size_t>(head.triangles[chart.triangles[0]][0])];
+}
+
+bool is_skin(const MorphableHead& head, const Chart& chart) {
+    const HeadPart part = part_of(head, chart);
+    return part != HeadPart::eyes && part != HeadPart::mouth;
+}
+
 /// Gives each piece that a cylinder hides a cylinder of its own, and so on.
 void split_hidden(const MorphableHead& head, std::vector<Chart>& charts) {
     constexpr int most_layers = 4;
@@ -147,7 +156,9 @@ void split_hidden(const MorphableHead& head, std::vector<Chart>& charts) {
         std::vector<Chart> below;
         for (Chart& chart : charts) {
             measure_width(head, chart);
-            std::vector<bool> hidden = hidden_triangles(head, chart);
+            std::vector<bool> hidden(chart.triangles.size());
+            // Of eyes and teeth only the outside is ever seen.
+            if (is_skin(head, chart)) hidden = hidden_triangles(head, chart);
             for (Chart& piece : hidden_pieces(head, chart, hidden))
                 below.push_back(std::move(piece));
             Chart& shown = split.emplace_back();
@@ -180,11 +191,13 @@ std::vector<Chart> charts_of(const MorphableHead& head) {
     for (auto& [key, chart] : charts) sorted.push_back(std::move(chart));
     if (!head.grid_uv.defined()) split_hidden(head, sorted);
     for (Chart& chart : sorted) {
-        const HeadPart part =
-            head.parts[static_cast<std::size_t>(head.triangles[chart.triangles[0]][0])];
-        chart.size = std::sqrt(chart.size) * (part == HeadPart::eyes    ? 2.0
-                                              : part == HeadPart::mouth ? 0.4
-                                                                        : 1.0);
+        const HeadPart part = part_of(head, chart);
+        // Small pieces of skin get more, so that filters do not mix them with their neighbours.
+        constexpr double small = 0.5;
+        chart.size = std::sqrt(chart.size);
+        chart.size *= part == HeadPart::mouth                        ? 0.4
+                      : part == HeadPart::eyes || chart.size < small ? 2.0
+                                                                     : 1.0;
         constexpr double least_size = 1e-9;  // of triangles without area
         chart.size = std::max(chart.size, least_size);
     }
@@ -208,7 +221,7 @@ void arrange(std::vector<Chart>& charts) {
         const Eigen::Array2f extent(is_alone ? 1.0F : float(chart->size / width),
                                     float(tall / height));
         // A margin on all sides, so that charts do not mix.
-        const float margin = std::min(0.003F, 0.1F * extent.minCoeff());
+        const float margin = std::min(0.003F, 0.2F * extent.minCoeff());
         chart->origin = corner + margin;
         chart->extent = extent - 2.0F * margin;
         corner[is_alone ? 1 : 0] += extent[is_alone ? 1 : 0];
