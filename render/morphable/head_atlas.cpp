@@ -189,15 +189,15 @@ std::vector<Chart> charts_of(const MorphableHead& head) {
     }
     std::vector<Chart> sorted;
     for (auto& [key, chart] : charts) sorted.push_back(std::move(chart));
-    if (!head.grid_uv.defined()) split_hidden(head, sorted);
+    const bool is_scan = !head.grid_uv.defined();
+    if (is_scan) split_hidden(head, sorted);
     for (Chart& chart : sorted) {
         const HeadPart part = part_of(head, chart);
+        chart.size = std::sqrt(chart.size);
         // Small pieces of skin get more, so that filters do not mix them with their neighbours.
         constexpr double small = 0.5;
-        chart.size = std::sqrt(chart.size);
-        chart.size *= part == HeadPart::mouth                        ? 0.4
-                      : part == HeadPart::eyes || chart.size < small ? 2.0
-                                                                     : 1.0;
+        const bool counts_twice = part == HeadPart::eyes || (is_scan && chart.size < small);
+        chart.size *= part == HeadPart::mouth ? 0.4 : counts_twice ? 2.0 : 1.0;
         constexpr double least_size = 1e-9;  // of triangles without area
         chart.size = std::max(chart.size, least_size);
     }
