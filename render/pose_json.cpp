@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "core/angle.h"
@@ -40,14 +41,20 @@ Pose parse_pose(std::string_view json) {
         if (std::ranges::find(keys, member.key()) == keys.end())
             fail<FileError>("unknown key \"", member.key(), "\" in \"pose\"");
     const auto angle = [&](const char* key) {
-        return radians_from_degrees(number(pose[key], key));
+        constexpr double full_turn = 360.0;
+        const double degrees = number(pose[key], key);
+        if (std::abs(degrees) > full_turn)
+            fail<FileError>("\"", key, "\" is ", degrees, ", expected -360 to 360");
+        return radians_from_degrees(degrees);
     };
     const Json& t = pose["t"];
     if (!t.is_array() || t.size() != 3) fail<FileError>("\"t\" is not an array of 3 numbers");
-    return {angle("yaw_deg"),
-            angle("pitch_deg"),
-            angle("roll_deg"),
-            {number(t[0], "t"), number(t[1], "t"), number(t[2], "t")}};
+    const Eigen::Vector3d center(number(t[0], "t"), number(t[1], "t"), number(t[2], "t"));
+    constexpr double nearest = 0.1, farthest = 1e4;
+    if (!(center.norm() >= nearest && center.norm() <= farthest))
+        fail<FileError>("\"t\" is ", center.norm(), " from the head, expected ", nearest, " to ",
+                        farthest);
+    return {angle("yaw_deg"), angle("pitch_deg"), angle("roll_deg"), center};
 }
 
 }  // namespace stymo

@@ -49,6 +49,14 @@ TEST_CASE("a pose with a key that is missing, unknown or no number is refused by
     json["t"] = {0, 0, 1e300};
     CHECK_THAT(refusal(json.dump()),
                Catch::Contains("\"t\" holds") && Catch::Contains("too large"));
+    json["t"] = {0, 0, 1e20};
+    CHECK_THAT(refusal(json.dump()), Catch::Contains("\"t\" is 1e+20 from the head"));
+    json["t"] = {0, 0, 0};
+    CHECK_THAT(refusal(json.dump()), Catch::Contains("\"t\" is 0 from the head"));
+    json = complete;
+    json["pitch_deg"] = -400;
+    CHECK_THAT(refusal(json.dump()),
+               Catch::Contains("\"pitch_deg\" is -400, expected -360 to 360"));
     for (const char* text : {"", "3", "[]", "null", "{"})
         CHECK_THAT(refusal(text), Catch::Contains("not an object"));
 }

@@ -87,7 +87,9 @@ std::pair<std::string, FaceRecord> parse_face_record(std::string_view line) {
         const Json object = Json::parse(line);
         require_keys(object, "the line",
                      {"id", "pose", "code", "landmarks", "person", "series", "source", "take"});
-        if (!object.contains("id") || !object["id"].is_string()) fail<FileError>("no \"id\" text");
+        if (!object.contains("id") || !object["id"].is_string() ||
+            object["id"].get<std::string>().empty())
+            fail<FileError>("no \"id\" text");
         FaceRecord record;
         if (object.contains("pose")) record.pose = parse_pose(object["pose"].dump());
         if (object.contains("code")) record.code = code_of(object["code"]);

@@ -26,7 +26,9 @@ const TrunkDescription& description_of(const std::string& network) {
 
 /// Describes what a user can do about a missing file.
 std::string ways_out(const std::string& part, const std::string& off_switch) {
-    return "reconstruction.perceptual_" + part + " or --lpips-" + part +
+    // Who turns it off by a key configures a training, which has no such option.
+    const bool has_option = !off_switch.starts_with("reconstruction.");
+    return "reconstruction.perceptual_" + part + (has_option ? " or --lpips-" + part : "") +
            ", or do without LPIPS: " + off_switch;
 }
 

@@ -277,6 +277,11 @@ TEST_CASE("A missing file of LPIPS is told by where to get it and how to do with
                Catch::Contains("squeeze.pth"));
     CHECK_THAT(refusal({.trunk = "gone.safetensors", .heads = "random"}),
                Catch::Contains("gone.safetensors") && Catch::Contains("--lpips-trunk"));
+    CHECK_THAT(error_message<Error>([] {
+                   const Lpips lpips({.trunk = "gone.safetensors", .heads = "random"},
+                                     "reconstruction.perceptual_weight = 0");
+               }),
+               !Catch::Contains("--"));
     CHECK_THAT(
         error_message<ConfigError>([] { const Lpips lpips({.network = "resnet"}, off_switch); }),
         Catch::Contains("resnet") && Catch::Contains("squeezenet1_1"));
