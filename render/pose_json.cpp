@@ -49,12 +49,13 @@ Pose parse_pose(std::string_view json) {
     };
     const Json& t = pose["t"];
     if (!t.is_array() || t.size() != 3) fail<FileError>("\"t\" is not an array of 3 numbers");
+    const double yaw = angle("yaw_deg"), pitch = angle("pitch_deg"), roll = angle("roll_deg");
     const Eigen::Vector3d center(number(t[0], "t"), number(t[1], "t"), number(t[2], "t"));
     constexpr double nearest = 0.1, farthest = 1e4;
     if (!(center.norm() >= nearest && center.norm() <= farthest))
         fail<FileError>("\"t\" is ", center.norm(), " from the head, expected ", nearest, " to ",
                         farthest);
-    return {angle("yaw_deg"), angle("pitch_deg"), angle("roll_deg"), center};
+    return {yaw, pitch, roll, center};
 }
 
 }  // namespace stymo

@@ -84,10 +84,11 @@ Camera model_camera(const Model& model, double yaw, double pitch, double roll) {
 double usual_distance(const CameraConfig& camera, const Pose& photo) {
     const Eigen::Vector3d middle(0.0, 0.0, head_middle);
     const Camera own = camera_from_pose(photo, camera.intrinsics);
+    const double times = (own.center - middle).norm() / (camera.distance - head_middle);
     // Photos have the whole head in the middle, views the middle of the head without its hair.
-    constexpr double margin = 1.1;
-    return std::max(whole_head_distance,
-                    margin * (own.center - middle).norm() / (camera.distance - head_middle));
+    // Drawn faces have poses at the usual distance.
+    constexpr double margin = 1.1, rounding = 1e-3;
+    return times > whole_head_distance + rounding ? margin * times : whole_head_distance;
 }
 
 Camera turned_about_head(Camera camera, double yaw, double pitch) {

@@ -60,7 +60,7 @@ inline constexpr double head_middle = 0.1;
 /// From this multiple of the model's distance an image rarely cuts the hair of a head.
 inline constexpr double whole_head_distance = 1.15;
 /// The multiple from which the head of a photo with this pose is shown whole: that one, or a tenth
-/// farther than the photo, whose crop is wider where there is more hair.
+/// farther than the photo if its crop is wide, as it is where there is much hair.
 [[nodiscard]] double usual_distance(const CameraConfig& camera, const Pose& photo);
 /// The camera turned about the middle of the head by these angles (radians).
 [[nodiscard]] Camera turned_about_head(Camera camera, double yaw, double pitch);

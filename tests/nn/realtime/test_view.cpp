@@ -145,5 +145,6 @@ TEST_CASE("A face is shown from beyond its photo, if that is farther than usual"
             camera, pose_from_camera(turned_camera(camera, head_middle, 0.3, 0.1, 0.0, times)));
     };
     CHECK(distance_at(1.0) == whole_head_distance);
+    CHECK(distance_at(whole_head_distance) == whole_head_distance);
     CHECK(distance_at(1.3) == Approx(1.43));
 }
