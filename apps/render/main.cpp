@@ -103,9 +103,8 @@ void declare_view(stymo::Command& line, stymo::RenderOptions& options) {
     line.option(
             "--distance", options.distance,
             "distance of the camera, as a multiple of that of photos. Default: 1.15, which also "
-            "shows hair that photos cut, or a tenth more than that of the photo, but 1 for the "
-            "pose "
-            "of --codes")
+            "shows hair that photos cut, or a tenth beyond a photo from farther away, but 1 for "
+            "the pose of --codes")
         .range(0.6, 2.5);
     line.option("--around", options.around,
                 "what the head turns around: its middle, so that from -45 to 45 degrees no more of "
