@@ -133,7 +133,7 @@ Splats face_splats(const Model& model, const Codes& codes, std::int64_t count,
     constexpr int yaws = 8;
     // About, of the whole time.
     constexpr double share_of_views = 0.4;
-    const auto seen = surface_views(model, codes, largest_yaw, yaws, [&](double done) {
+    const auto seen = surface_views(model, codes, largest_yaw, yaws, true, [&](double done) {
         if (observe) observe(share_of_views * done);
     });
     constexpr double coarse = 1.0 / 64.0;

@@ -19,8 +19,7 @@ std::vector<FrameComparison> compared_with_frames(const Model& model, const Code
     std::vector<FrameComparison> result;
     for (const double yaw : yaws) {
         const Camera camera =
-            turned_camera(model.config().camera, head_middle, radians_from_degrees(yaw), 0.0, 0.0,
-                          whole_head_distance);
+            turned_camera(model.config().camera, head_middle, radians_from_degrees(yaw), 0.0, 0.0);
         const View view = renderer.render(camera);
         RasterImage drawn = draw(camera, view.image.shape(0));
         FrameComparison& compared = result.emplace_back();

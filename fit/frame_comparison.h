@@ -19,8 +19,8 @@ struct FrameComparison {
 };
 /// Colours and coverage of a square image.
 using DrawnFrom = std::function<RasterImage(const Camera& camera, std::int64_t side)>;
-/// One comparison for each of `yaws` (degrees) around the middle of the head, from far enough for
-/// the whole head, in the model's resolution. Throws what `render_view` and `draw` throw.
+/// One comparison for each of `yaws` (degrees) around the middle of the head, in the model's
+/// resolution. Throws what `render_view` and `draw` throw.
 [[nodiscard]] std::vector<FrameComparison> compared_with_frames(const Model& model,
                                                                 const Codes& codes,
                                                                 const DrawnFrom& draw,

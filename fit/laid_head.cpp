@@ -283,7 +283,8 @@ void require_surface(const SeenFace& frontal) {
 }  // namespace
 
 std::vector<SeenFace> surface_views(const Model& model, const Codes& codes, double largest_yaw,
-                                    int yaws, const std::function<void(double)>& observe) {
+                                    int yaws, bool around_head,
+                                    const std::function<void(double)>& observe) {
     FaceRenderer images(model, {.mode = RenderMode::exact, .mask = true, .remove_floaters = true});
     FaceRenderer depths(model,
                         {.mode = model.decoder().folds() ? RenderMode::skip : RenderMode::exact,
@@ -296,7 +297,10 @@ std::vector<SeenFace> surface_views(const Model& model, const Codes& codes, doub
     constexpr std::int64_t least_side = 128;
     const std::int64_t side = rays * std::max<std::int64_t>(least_side / rays, 1);
     std::vector<Camera> cameras{model_camera(model, 0.0, 0.0, 0.0)};
-    const ViewRange range{.camera = model.config().camera, .yaw = largest_yaw, .pitch = 0.2};
+    const ViewRange range{.camera = model.config().camera,
+                          .yaw = largest_yaw,
+                          .pitch = 0.2,
+                          .around_head = around_head};
     for (const Camera& camera : cameras_over(range, yaws, 3)) cameras.push_back(camera);
     std::vector<SeenFace> views;
     for (const Camera& camera : cameras) {

@@ -14,10 +14,11 @@ namespace stymo {
 
 /// Renders a face (row 0 of `codes`) from the front and from `yaws` sides, each up to 12 degrees up
 /// and down: by default from the views in which models know its surface well. Angles in radians.
-/// `observe` is told the share of the views that are rendered.
+/// `around_head` as in ViewRange. `observe` is told the share of the views that are rendered.
 /// Throws ValueError if the density has no surface where the face should be.
 [[nodiscard]] std::vector<SeenFace> surface_views(const Model& model, const Codes& codes,
                                                   double largest_yaw = 0.45, int yaws = 4,
+                                                  bool around_head = false,
                                                   const std::function<void(double)>& observe = {});
 
 /// A linear head in the place of a model's face.

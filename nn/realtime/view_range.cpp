@@ -11,7 +11,8 @@ std::vector<Camera> cameras_over(const ViewRange& range, int yaws, int pitches) 
     };
     for (int i = 0; i < yaws; ++i) {
         for (int k = 0; k < pitches; ++k) {
-            cameras.push_back(turned_camera(range.camera, head_middle, angle(range.yaw, i, yaws),
+            const double turning_z = range.around_head ? head_middle : range.camera.pivot_depth;
+            cameras.push_back(turned_camera(range.camera, turning_z, angle(range.yaw, i, yaws),
                                             angle(range.pitch, k, pitches), 0.0));
         }
     }

@@ -12,6 +12,8 @@ struct ViewRange {
     CameraConfig camera;
     double yaw = 0.53;  ///< radians
     double pitch = 0.2;
+    bool around_head = false;  ///< turns around the head's middle, which shows all of it, not the
+                               ///< face, which stays larger
 };
 
 /// `yaws` times `pitches` cameras of the range, evenly spaced, with the outermost ones. Both

@@ -227,7 +227,7 @@ TEST_CASE("a face of few pixels, points that are no face, and a profile are refu
     CHECK(failure_of(with_margin(rendered_head(5, 256), 100)).empty());
     CHECK_THAT(failure_of(with_margin(rendered_head(5, 40), 100)),
                Catch::StartsWith("its face is too small (a crop of ") &&
-                   Catch::EndsWith(" pixels a side)"));
+                   Catch::EndsWith("needed); use a larger photo"));
     RenderedHead beside = with_margin(rendered_head(5, 256), 100);
     for (auto& point : beside.image.landmarks) point[0] += 1e5;
     CHECK(failure_of(beside) ==
