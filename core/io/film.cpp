@@ -193,7 +193,6 @@ FilmReader::FilmReader(const fs::path& path, int most_side)
                         error && error != std::errc::no_such_file_or_directory ? error.message()
                                                                                : "no such file");
     silence_ffmpeg();
-    // A file with the name of a picture opens without a look at its contents.
     const std::optional<FilmFacts> facts = film_facts(path);
     if (!facts || !state_->film.open(file_name(path), cv::CAP_FFMPEG) ||
         state_->film.get(cv::CAP_PROP_FRAME_WIDTH) <= 0.0)

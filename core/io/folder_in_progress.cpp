@@ -54,10 +54,12 @@ void FolderInProgress::finish() {
         rename_or_fail(path_, target_);
         return flush_names(parent);
     }
-    // In one step, so that no moment has files of both.
-    if (replaces_all(path_, target_) &&
-        ::renameat2(AT_FDCWD, path_.c_str(), AT_FDCWD, target_.c_str(), RENAME_EXCHANGE) == 0)
-        return flush_names(parent);
+    // In one step, so that no moment has files of both. A link stays one, to the folder it names.
+    if (!fs::is_symlink(target_) && replaces_all(path_, target_)) {
+        fs::permissions(path_, fs::status(target_).permissions());
+        if (::renameat2(AT_FDCWD, path_.c_str(), AT_FDCWD, target_.c_str(), RENAME_EXCHANGE) == 0)
+            return flush_names(parent);
+    }
     std::vector<fs::path> files;
     std::set<fs::path> folders;
     for (const auto& entry : fs::recursive_directory_iterator(path_)) {

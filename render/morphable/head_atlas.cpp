@@ -114,8 +114,8 @@ std::vector<bool> hidden_triangles(const MorphableHead& head, const Chart& chart
     return hidden;
 }
 
-/// The connected pieces of what a cylinder hides. Single triangles stay where they are: alone they
-/// would have hardly a texel.
+/// The connected pieces of what a cylinder hides. Small ones stay where they are: alone they would
+/// have hardly a texel.
 std::vector<Chart> hidden_pieces(const MorphableHead& head, const Chart& chart,
                                  std::vector<bool>& hidden) {
     constexpr std::size_t least_triangles = 48;

@@ -88,6 +88,23 @@ TEST_CASE("a folder that replaces another one does so whole") {
     CHECK(std::distance(std::filesystem::directory_iterator(folder.path()), {}) == 1);
 }
 
+TEST_CASE("a folder that is replaced stays where a link says, with its permissions") {
+    namespace fs = std::filesystem;
+    const ScratchFolder folder;
+    const auto real = folder / "real", link = folder / "link";
+    fs::create_directory(real);
+    fs::create_directory_symlink("real", link);
+    fs::permissions(real, fs::perms::owner_all);
+    for (const auto& target : {link, real}) {
+        FolderInProgress next(target);
+        write_file(next.path() / "a.txt", target.string(), Durability::none);
+        next.finish();
+        CHECK(fs::is_symlink(link));
+        CHECK(read_file(real / "a.txt") == target.string());
+        CHECK(fs::status(real).permissions() == fs::perms::owner_all);
+    }
+}
+
 TEST_CASE("folders in progress of one target do not meet, and leave nothing beside it") {
     const ScratchFolder folder;
     const auto target = folder / "run";
