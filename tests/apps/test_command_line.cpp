@@ -232,3 +232,8 @@ TEST_CASE("A tool with commands calls the body of the command that was given") {
     CHECK(run({}).exit_code == 2);
     CHECK(run({"mix", "color"}).exit_code == 2);
 }
+
+TEST_CASE("a message is one line of printable characters, whatever a file is called") {
+    CHECK(stymo::one_line("a\nb\r\x1b[31m\t\x7f c\n ") == "a b??[31m?? c");
+    CHECK(stymo::one_line("Z\xc3\xbcrich") == "Z\xc3\xbcrich");
+}

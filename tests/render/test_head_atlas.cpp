@@ -33,14 +33,11 @@ Areas areas_of(const stymo::HeadAtlas& atlas) {
     return areas;
 }
 
-/// A sheet around the vertical axis, bent by half a turn, as a scan is: with neither grid nor
-/// parts.
+/// Adds a bent sheet of skin around the vertical axis, `width` radians wide, without a grid.
 void add_sheet(stymo::MorphableHead& head, float radius, float width, float height) {
     constexpr std::int32_t cells = 12;
-    const std::vector<float> before(head.mean.values<float>().begin(),
-                                    head.mean.values<float>().end());
-    std::vector<float> points = before;
-    const auto first = static_cast<std::int32_t>(before.size() / 3);
+    std::vector<float> points(head.mean.values<float>().begin(), head.mean.values<float>().end());
+    const auto first = static_cast<std::int32_t>(points.size() / 3);
     for (std::int32_t i = 0; i <= cells; ++i)
         for (std::int32_t k = 0; k <= cells; ++k) {
             const float angle = width * (float(k) / cells - 0.5F);

@@ -47,6 +47,11 @@ TEST_CASE("a folder that holds a run is only opened to resume it", "[run_folder]
     CHECK_THAT(message, Catch::Contains(path.string()) && Catch::Contains("--resume latest"));
     const RunFolder resumed(path, true);
     CHECK(resumed.latest_checkpoint() == resumed.checkpoint(5));
+    for (const char* name : {"", "\n", "../../5", "000005x"}) {
+        write_file(path / "latest", name);
+        CHECK_THAT(error_message<FileError>([&] { static_cast<void>(latest_checkpoint(path)); }),
+                   Catch::Contains("latest: names no checkpoint"));
+    }
 }
 
 TEST_CASE("only the last checkpoints are kept, numbers of any length in order", "[run_folder]") {

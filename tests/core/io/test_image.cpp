@@ -229,6 +229,8 @@ TEST_CASE("what is not a readable image is refused in one line that says why") {
     refused("signature.png", png.substr(0, 8), "truncated");
     refused("damaged.png", damaged, "damaged");
     refused("cut.jpg", jpg.substr(0, jpg.size() / 2), "Premature end");
+    refused("cut.webp", "RIFF....WEBPVP8 ", "damaged image");
+    CHECK_THROWS_WITH(read_image("/dev/null"), Contains("is no file"));
     CHECK_THROWS_WITH(read_image(folder / "none.png"), Contains("No such file"));
     CHECK_THROWS_AS(read_image(folder.path()), FileError);
 }

@@ -96,6 +96,8 @@ TEST_CASE("a malformed code file is refused in one line with file and key", "[co
         [&] { static_cast<void>(read_code_file(folder / "missing.json")); })));
     for (const char* text : {"", "{", "codes", "{\"code\": 1e999}", "\xff\xfe"})
         CHECK_THAT(refusal(text), Catch::Contains("not JSON"));
+    CHECK_THAT(refusal_after([&](auto& json) { json["model"] = 5; }),
+               Catch::Contains("\"model\" is no text"));
     for (const char* text : {"{}", "[]", "null", "3", "[{\"code\": 1}]"})
         CHECK_THAT(refusal(text), Catch::Contains("\"code\" is missing"));
     for (const char* group : code_names) {

@@ -139,3 +139,9 @@ TEST_CASE(
     fs::create_directory(index_path(file));
     CHECK(FaceRecords(file, always).size() == 3);
 }
+
+TEST_CASE("a line of a face without a name is refused", "[dataset]") {
+    for (const char* line : {R"({"id": ""})", R"({"id": 7})", "{}"})
+        CHECK_THAT(error_message<FileError>([&] { static_cast<void>(parse_face_record(line)); }),
+                   Catch::Contains("no \"id\" text"));
+}
